@@ -1,0 +1,1 @@
+//! Embree 4 by bindgen, and the one safe wrapper over it.

@@ -1,0 +1,3 @@
+//! The `eval` program.
+
+fn main() {}

@@ -1,0 +1,1 @@
+//! Plans a frame, hands out its tasks and delivers the picture by the deadline.

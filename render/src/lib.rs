@@ -1,0 +1,1 @@
+//! Scenes, tasks, samples, buffers, reconstruction and images: a library without sockets or clocks.

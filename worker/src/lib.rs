@@ -1,0 +1,1 @@
+//! Renders tasks for a master on the cores that are free.
