@@ -68,8 +68,6 @@ impl ImageSize {
     /// Whether both sides are at least 1 and the limits hold.
     pub fn is_valid(self) -> bool {
         let side = 1..=Self::SIDE_MAX;
-        side.contains(&self.width)
-            && side.contains(&self.height)
-            && self.pixel_count() <= Self::PIXELS_MAX
+        side.contains(&self.width) && side.contains(&self.height) && self.pixel_count() <= Self::PIXELS_MAX
     }
 }

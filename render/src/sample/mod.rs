@@ -1,0 +1,6 @@
+//! Where samples lie: Owen-scrambled Sobol points and the warps that turn them into directions.
+
+pub mod sobol;
+pub mod warp;
+
+pub use sobol::{Stream, hash};

@@ -1,0 +1,49 @@
+//! The unit of work: one component of the light for one pixel group.
+
+/// A part of the light that is computed, buffered and reconstructed apart from the others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Component {
+    /// Light that comes straight from the emitters.
+    Direct,
+    /// Diffuse light from one set of virtual point lights.
+    Indirect,
+    /// Both at once, as the straightforward algorithm has it.
+    Full,
+}
+
+impl Component {
+    /// Numbers per pixel in a result: RGB, and for [`Component::Full`] direct RGB then indirect RGB.
+    pub fn floats_per_pixel(self) -> usize {
+        match self {
+            Self::Direct | Self::Indirect => 3,
+            Self::Full => 6,
+        }
+    }
+}
+
+/// One task. The light it yields depends on scene, settings and these three numbers alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Task {
+    /// Which part of the light.
+    pub component: Component,
+    /// Which pixels.
+    pub group: u32,
+    /// Direct: the light sample (pass). Indirect: the VPL set. Full: 0.
+    pub index: u32,
+}
+
+/// Rays traced for a task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RayCounts {
+    /// Rays from the eye.
+    pub primary: u64,
+    /// Rays that asked whether a light is visible.
+    pub shadow: u64,
+}
+
+impl std::ops::AddAssign for RayCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.primary += other.primary;
+        self.shadow += other.shadow;
+    }
+}
