@@ -1,0 +1,252 @@
+//! Carries envelopes over a byte stream: one reader, one writer, no decisions.
+
+use std::collections::VecDeque;
+use std::io::{self, IoSlice};
+use std::marker::PhantomData;
+
+use thiserror::Error;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
+
+use crate::envelope::{self, Decoded, Decoder, EncodeError, EnvelopeError};
+use crate::message::Message;
+
+/// Envelopes that go to the system in one call.
+const ENVELOPES_PER_CALL: usize = 16;
+
+/// Why nothing more can be read.
+#[derive(Debug, Error)]
+pub enum ReadError {
+    /// The peer sent something that is no message, or too much.
+    #[error(transparent)]
+    Envelope(#[from] EnvelopeError),
+    /// The peer closed in mid-envelope.
+    #[error("the connection was closed in the middle of a message")]
+    CutShort,
+    /// The network failed.
+    #[error("the connection failed: {0}")]
+    Io(#[from] io::Error),
+}
+
+/// Why a message could not be sent.
+#[derive(Debug, Error)]
+pub enum WriteError {
+    /// It is not within the limits: a mistake of this program.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// The network failed.
+    #[error("the connection failed: {0}")]
+    Io(#[from] io::Error),
+}
+
+/// Reads the messages of one direction.
+#[derive(Debug)]
+pub struct Reader<M, S = OwnedReadHalf> {
+    stream: S,
+    decoder: Decoder,
+    direction: PhantomData<fn() -> M>,
+}
+
+/// Writes the messages of the other direction.
+#[derive(Debug)]
+pub struct Writer<M, S = OwnedWriteHalf> {
+    stream: S,
+    queue: VecDeque<Vec<u8>>,
+    /// Bytes of the first envelope that are written already.
+    written: usize,
+    direction: PhantomData<fn(M)>,
+}
+
+/// Both ends of a connection, for `In` to be read and `Out` to be written.
+pub fn open<In: Message, Out: Message>(stream: TcpStream) -> io::Result<(Reader<In>, Writer<Out>)> {
+    // A request of 30 bytes must not wait for company.
+    stream.set_nodelay(true)?;
+    let (read_half, write_half) = stream.into_split();
+    Ok((Reader::new(read_half), Writer::new(write_half)))
+}
+
+impl<M: Message, S: AsyncRead + Unpin> Reader<M, S> {
+    /// Reads from a peer of which nothing is known.
+    pub fn new(stream: S) -> Self {
+        Self {
+            stream,
+            decoder: Decoder::new(),
+            direction: PhantomData,
+        }
+    }
+
+    /// From now on the peer may send large envelopes.
+    pub fn handshake_done(&mut self) {
+        self.decoder.handshake_done();
+    }
+
+    /// The next message; `None` when the peer closed after a whole one.
+    ///
+    /// Cancel safe: what has arrived stays.
+    pub async fn read(&mut self) -> Result<Option<M>, ReadError> {
+        loop {
+            if let Decoded::Message(message) = self.decoder.decode()? {
+                return Ok(Some(message));
+            }
+            let count = self.stream.read(self.decoder.space()).await?;
+            if count == 0 {
+                return if self.decoder.is_empty() {
+                    Ok(None)
+                } else {
+                    Err(ReadError::CutShort)
+                };
+            }
+            self.decoder.filled(count);
+        }
+    }
+}
+
+impl<M: Message, S: AsyncWrite + Unpin> Writer<M, S> {
+    /// Writes to a stream.
+    pub fn new(stream: S) -> Self {
+        Self {
+            stream,
+            queue: VecDeque::new(),
+            written: 0,
+            direction: PhantomData,
+        }
+    }
+
+    /// Puts a message at the end of the queue; [`Self::flush`] carries it away.
+    pub fn push(&mut self, message: &M) -> Result<(), EncodeError> {
+        self.queue.push_back(envelope::encode(message)?);
+        Ok(())
+    }
+
+    /// Whether everything pushed was written.
+    pub fn is_empty(&self) -> bool {
+        self.queue.is_empty()
+    }
+
+    /// Bytes that wait.
+    pub fn queued_bytes(&self) -> usize {
+        self.queue.iter().map(Vec::len).sum::<usize>() - self.written
+    }
+
+    /// Writes until the queue is empty.
+    ///
+    /// Cancel safe: goes on where it stopped, so that it can be one arm of a `select!`.
+    pub async fn flush(&mut self) -> io::Result<()> {
+        while !self.queue.is_empty() {
+            let mut slices = [IoSlice::new(&[]); ENVELOPES_PER_CALL];
+            let mut skipped = self.written;
+            for (slice, envelope) in slices.iter_mut().zip(&self.queue) {
+                *slice = IoSlice::new(&envelope[std::mem::take(&mut skipped)..]);
+            }
+            let count = self.stream.write_vectored(&slices).await?;
+            if count == 0 {
+                return Err(io::ErrorKind::WriteZero.into());
+            }
+            self.forget(count);
+        }
+        self.stream.flush().await
+    }
+
+    /// Pushes and flushes.
+    pub async fn send(&mut self, message: &M) -> Result<(), WriteError> {
+        self.push(message)?;
+        Ok(self.flush().await?)
+    }
+
+    /// Drops the envelopes of which the last byte is written.
+    fn forget(&mut self, count: usize) {
+        self.written += count;
+        while let Some(first) = self.queue.front()
+            && self.written >= first.len()
+        {
+            self.written -= first.len();
+            self.queue.pop_front();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ids::FrameId;
+    use crate::message::{Pong, Request, TaskResult, ToMaster};
+    use crate::{Component, Radiance, Task};
+
+    fn conversation() -> Vec<ToMaster> {
+        let task = Task {
+            component: Component::Direct,
+            group: 1,
+            index: 2,
+        };
+        let result = |pixels: u32| {
+            ToMaster::Result(TaskResult {
+                frame: FrameId(1),
+                task,
+                pixels,
+                radiance: Radiance(vec![0.25; 3 * pixels as usize]),
+                primary_rays: 1,
+                shadow_rays: 2,
+                busy_us: 3,
+            })
+        };
+        let request = ToMaster::Request(Request {
+            frame: FrameId(1),
+            tasks: 2,
+        });
+        let pong = ToMaster::Pong(Pong { nonce: 9 });
+        vec![request, result(12_288), pong, result(0), result(50_000)]
+    }
+
+    #[tokio::test]
+    async fn messages_arrive_as_they_were_sent_through_a_narrow_pipe() {
+        let (one, other) = tokio::io::duplex(1000);
+        let mut writer = Writer::new(one);
+        let mut reader = Reader::<ToMaster, _>::new(other);
+        reader.handshake_done();
+        for message in conversation() {
+            writer.push(&message).unwrap();
+        }
+        let write = async {
+            writer.flush().await.unwrap();
+            drop(writer);
+        };
+        let read = async {
+            for expected in conversation() {
+                assert_eq!(reader.read().await.unwrap(), Some(expected));
+            }
+            assert!(matches!(reader.read().await, Ok(None)));
+        };
+        tokio::join!(write, read);
+    }
+
+    /// A `select!` drops the future of `flush` whenever another arm is ready.
+    #[tokio::test]
+    async fn a_flush_that_is_dropped_loses_and_repeats_nothing() {
+        let (one, other) = tokio::io::duplex(1000);
+        let mut writer = Writer::new(one);
+        let mut reader = Reader::<ToMaster, _>::new(other);
+        reader.handshake_done();
+        for message in conversation() {
+            writer.push(&message).unwrap();
+        }
+        let mut arrived = Vec::new();
+        while arrived.len() < conversation().len() {
+            tokio::select! {
+                biased;
+                message = reader.read() => arrived.push(message.unwrap().unwrap()),
+                flushed = writer.flush(), if !writer.is_empty() => flushed.unwrap(),
+                () = tokio::task::yield_now() => {}
+            }
+        }
+        assert_eq!(arrived, conversation());
+        assert_eq!(writer.queued_bytes(), 0);
+    }
+
+    #[tokio::test]
+    async fn a_peer_that_closes_in_mid_envelope_is_noticed() {
+        let bytes = envelope::encode(&ToMaster::Pong(Pong { nonce: 9 })).unwrap();
+        let mut reader = Reader::<ToMaster, _>::new(&bytes[..bytes.len() - 1]);
+        assert!(matches!(reader.read().await, Err(ReadError::CutShort)));
+    }
+}

@@ -1,0 +1,539 @@
+//! The messages: one enum per direction, one struct per message.
+//!
+//! On the wire a message is a map with one entry, from its name to the map of its fields:
+//! `{"pong": {"nonce": 7}}`. Unknown fields are ignored; a new field needs `#[serde(default)]`.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_bytes::ByteBuf;
+
+use crate::ids::{FrameId, WorkerId};
+use crate::limits::{self, LimitError, at_most, one_to};
+use crate::radiance::Radiance;
+use crate::settings::Settings;
+use crate::task::Task;
+
+/// What a worker says to its master.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum ToMaster {
+    /// First of all: who wants to join.
+    Hello(Hello),
+    /// The scene is in memory, its BVH built.
+    Prepared(Prepared),
+    /// Something could not be done; the worker stays.
+    Failed(Failed),
+    /// More tasks are wanted.
+    Request(Request),
+    /// What became of one task.
+    Result(TaskResult),
+    /// The answer to a `ping`.
+    Pong(Pong),
+    /// The worker goes; all it has done was sent before.
+    Leaving(Leaving),
+}
+
+/// What a master says to a worker.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum ToWorker {
+    /// The worker has joined.
+    Welcome(Welcome),
+    /// The worker may not join; the master closes.
+    Refused(Refused),
+    /// Load a scene and build its BVH.
+    Prepare(Prepare),
+    /// A frame begins; an earlier one is over.
+    Frame(Frame),
+    /// Tasks to do, and how long results are of use.
+    Assign(Assign),
+    /// Stop, and send at once what is done.
+    CutOff(CutOff),
+    /// Stop; nothing of this frame is of use any more.
+    EndFrame(EndFrame),
+    /// Please answer.
+    Ping(Ping),
+    /// The master has no more work for this connection; the worker closes.
+    Shutdown(Shutdown),
+}
+
+/// Who wants to join. This layout never changes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Hello {
+    /// [`MAGIC`](crate::version::MAGIC).
+    pub magic: String,
+    /// [`PROTOCOL`](crate::version::PROTOCOL) of the worker.
+    pub protocol: u32,
+    /// The worker's program version, for people.
+    pub version: String,
+    /// The worker's name, for people; need not be unique.
+    pub name: String,
+    /// Threads that will render.
+    pub slots: u32,
+    /// Given by a master to the worker that it started itself.
+    #[serde(default)]
+    pub token: Option<String>,
+}
+
+/// The scene is in memory, its BVH built.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Prepared {
+    /// Digest of the scene as loaded, if the worker computes one.
+    #[serde(default)]
+    pub digest: Option<String>,
+    /// Time to read the files, in microseconds; 0 if the scene was still in memory.
+    pub load_us: u64,
+    /// Time to build the BVH, in microseconds; 0 if the scene was still in memory.
+    pub bvh_us: u64,
+}
+
+/// Something could not be done.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failed {
+    /// What it was.
+    pub what: FailedStep,
+    /// The frame concerned, if any.
+    #[serde(default)]
+    pub frame: Option<FrameId>,
+    /// The task concerned, if any; no result comes for it.
+    #[serde(default)]
+    pub task: Option<Task>,
+    /// Why, for people.
+    pub message: String,
+}
+
+/// What a worker could not do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FailedStep {
+    /// Loading a scene: the worker can take no part until another `prepare`.
+    Scene,
+    /// Setting up a frame: the worker takes no part in it.
+    Frame,
+    /// One task.
+    Task,
+}
+
+/// More tasks are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Request {
+    /// For this frame.
+    pub frame: FrameId,
+    /// So many *more*: the number adds to what earlier requests left open.
+    pub tasks: u32,
+}
+
+/// The outcome of a task that was started: complete, or a prefix of its pixels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskResult {
+    /// The frame.
+    pub frame: FrameId,
+    /// The task.
+    pub task: Task,
+    /// How many pixels of the group were done, in the group's order; 0 is possible.
+    pub pixels: u32,
+    /// `pixels` × [`floats_per_pixel`](crate::Component::floats_per_pixel) values: radiance per
+    /// unit albedo, W·m⁻²·sr⁻¹.
+    pub radiance: Radiance,
+    /// Rays from the camera that were traced.
+    pub primary_rays: u64,
+    /// Shadow rays that were traced.
+    pub shadow_rays: u64,
+    /// Time the slot spent, in microseconds.
+    pub busy_us: u64,
+}
+
+/// The answer to a `ping`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pong {
+    /// That of the `ping`.
+    pub nonce: u64,
+}
+
+/// The worker goes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Leaving {
+    /// Why, for people.
+    pub reason: String,
+}
+
+/// The worker has joined.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Welcome {
+    /// Its number.
+    pub worker: WorkerId,
+    /// The master's program version, for people.
+    pub version: String,
+}
+
+/// The worker may not join. This layout never changes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refused {
+    /// Why, for people.
+    pub reason: String,
+}
+
+/// Load a scene and build its BVH.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Prepare {
+    /// The scene.
+    pub scene: SceneRef,
+}
+
+/// Where a scene is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SceneRef {
+    /// Absolute path on the worker's machine.
+    pub path: String,
+    /// Digest of the master's copy; a worker with another one must fail.
+    #[serde(default)]
+    pub digest: Option<String>,
+}
+
+/// A frame begins.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    /// Its number.
+    pub frame: FrameId,
+    /// What all its tasks have in common.
+    pub settings: Settings,
+    /// The VPLs, set by set: [`VPL_BYTES`](crate::limits::VPL_BYTES) each.
+    #[serde(deserialize_with = "bounded::vec::<_, _, { limits::VPL_SETS as usize }>")]
+    pub vpl_sets: Vec<ByteBuf>,
+}
+
+/// Tasks to do.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Assign {
+    /// The frame.
+    pub frame: FrameId,
+    /// The tasks, most urgent first; may be none, to change only the time.
+    #[serde(deserialize_with = "bounded::vec::<_, _, { limits::TASKS_PER_ASSIGN }>")]
+    pub tasks: Vec<Task>,
+    /// So many microseconds from the reading of this message, every result must be on its way.
+    /// The latest number holds for all tasks of the frame; none: no deadline.
+    #[serde(default)]
+    pub send_within_us: Option<u64>,
+}
+
+/// Stop, and send at once what is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CutOff {
+    /// The frame.
+    pub frame: FrameId,
+}
+
+/// Nothing of this frame is of use any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EndFrame {
+    /// The frame.
+    pub frame: FrameId,
+}
+
+/// Please answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ping {
+    /// Comes back in the `pong`.
+    pub nonce: u64,
+}
+
+/// The master has no more work for this connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shutdown {}
+
+/// One direction of the conversation; [`ToMaster`] and [`ToWorker`] are all there is.
+pub trait Message: Serialize + DeserializeOwned + sealed::Sealed {
+    /// The name on the wire.
+    fn name(&self) -> &'static str;
+
+    /// Checks every limit that the decoder itself cannot.
+    fn check(&self) -> Result<(), LimitError>;
+
+    /// About how many bytes of pixels and the like a buffer for it should have room for.
+    fn bulk_bytes(&self) -> usize;
+}
+
+impl Message for ToMaster {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Hello(_) => "hello",
+            Self::Prepared(_) => "prepared",
+            Self::Failed(_) => "failed",
+            Self::Request(_) => "request",
+            Self::Result(_) => "result",
+            Self::Pong(_) => "pong",
+            Self::Leaving(_) => "leaving",
+        }
+    }
+
+    fn check(&self) -> Result<(), LimitError> {
+        match self {
+            Self::Hello(hello) => hello.check(),
+            Self::Prepared(prepared) => digest_at_most("prepared.digest", prepared.digest.as_deref()),
+            Self::Failed(failed) => at_most("failed.message", failed.message.len(), limits::TEXT_BYTES),
+            Self::Request(request) => one_to("request.tasks", request.tasks, limits::leases(limits::SLOTS)),
+            Self::Result(result) => result.check(),
+            Self::Pong(_) => Ok(()),
+            Self::Leaving(leaving) => at_most("leaving.reason", leaving.reason.len(), limits::TEXT_BYTES),
+        }
+    }
+
+    fn bulk_bytes(&self) -> usize {
+        match self {
+            Self::Result(result) => result.radiance.bytes(),
+            _ => 0,
+        }
+    }
+}
+
+impl Message for ToWorker {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Welcome(_) => "welcome",
+            Self::Refused(_) => "refused",
+            Self::Prepare(_) => "prepare",
+            Self::Frame(_) => "frame",
+            Self::Assign(_) => "assign",
+            Self::CutOff(_) => "cut_off",
+            Self::EndFrame(_) => "end_frame",
+            Self::Ping(_) => "ping",
+            Self::Shutdown(_) => "shutdown",
+        }
+    }
+
+    fn check(&self) -> Result<(), LimitError> {
+        match self {
+            Self::Welcome(welcome) => {
+                at_most("welcome.version", welcome.version.len(), limits::VERSION_BYTES)
+            }
+            Self::Refused(refused) => at_most("refused.reason", refused.reason.len(), limits::TEXT_BYTES),
+            Self::Prepare(prepare) => prepare.scene.check(),
+            Self::Frame(frame) => frame.check(),
+            Self::Assign(assign) => check_tasks(assign.tasks.len()),
+            Self::CutOff(_) | Self::EndFrame(_) | Self::Ping(_) | Self::Shutdown(_) => Ok(()),
+        }
+    }
+
+    fn bulk_bytes(&self) -> usize {
+        match self {
+            Self::Frame(frame) => frame.vpl_sets.iter().map(|set| set.len() + 5).sum(),
+            _ => 0,
+        }
+    }
+}
+
+impl Hello {
+    fn check(&self) -> Result<(), LimitError> {
+        at_most("hello.magic", self.magic.len(), limits::NAME_BYTES)?;
+        at_most("hello.version", self.version.len(), limits::VERSION_BYTES)?;
+        at_most("hello.name", self.name.len(), limits::NAME_BYTES)?;
+        at_most(
+            "hello.token",
+            self.token.as_ref().map_or(0, String::len),
+            limits::TOKEN_BYTES,
+        )?;
+        one_to("hello.slots", self.slots, limits::SLOTS)?;
+        if self.name.chars().any(char::is_control) {
+            let (value, allowed) = (
+                format!("{:?}", self.name),
+                "text without control characters".to_owned(),
+            );
+            return Err(LimitError {
+                what: "hello.name",
+                value,
+                allowed,
+            });
+        }
+        Ok(())
+    }
+}
+
+impl TaskResult {
+    fn check(&self) -> Result<(), LimitError> {
+        if self.pixels > limits::GROUP_PIXELS {
+            let (value, allowed) = (self.pixels.to_string(), format!("0 to {}", limits::GROUP_PIXELS));
+            return Err(LimitError {
+                what: "result.pixels",
+                value,
+                allowed,
+            });
+        }
+        let values = self.pixels as usize * self.task.component.floats_per_pixel();
+        if self.radiance.0.len() != values {
+            let value = format!("{} values", self.radiance.0.len());
+            let allowed = format!(
+                "{values} for {} pixels of a {} task",
+                self.pixels,
+                self.task.component.name()
+            );
+            return Err(LimitError {
+                what: "result.radiance",
+                value,
+                allowed,
+            });
+        }
+        Ok(())
+    }
+}
+
+impl SceneRef {
+    fn check(&self) -> Result<(), LimitError> {
+        at_most("prepare.scene.path", self.path.len(), limits::PATH_BYTES)?;
+        digest_at_most("prepare.scene.digest", self.digest.as_deref())
+    }
+}
+
+impl Frame {
+    fn check(&self) -> Result<(), LimitError> {
+        self.settings.check()?;
+        at_most(
+            "frame.vpl_sets (count)",
+            self.vpl_sets.len(),
+            limits::VPL_SETS as usize,
+        )?;
+        let bytes = self.vpl_sets.iter().map(|set| set.len()).sum();
+        at_most("frame.vpl_sets", bytes, limits::VPLS as usize * limits::VPL_BYTES)
+    }
+}
+
+fn check_tasks(tasks: usize) -> Result<(), LimitError> {
+    if tasks <= limits::TASKS_PER_ASSIGN {
+        return Ok(());
+    }
+    let (value, allowed) = (tasks.to_string(), format!("0 to {}", limits::TASKS_PER_ASSIGN));
+    Err(LimitError {
+        what: "assign.tasks",
+        value,
+        allowed,
+    })
+}
+
+fn digest_at_most(what: &'static str, digest: Option<&str>) -> Result<(), LimitError> {
+    at_most(what, digest.map_or(0, str::len), limits::DIGEST_BYTES)
+}
+
+/// A text for a message's `reason` or `message`, shortened to what may be sent.
+pub fn text(text: impl Into<String>) -> String {
+    let mut text = text.into();
+    let mut end = text.len().min(limits::TEXT_BYTES);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    text.truncate(end);
+    text
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for super::ToMaster {}
+    impl Sealed for super::ToWorker {}
+}
+
+/// Lists that stop being read at their limit. One byte on the wire can be an element of 24 bytes
+/// in memory, so the envelope's limit alone would not bound them.
+mod bounded {
+    use std::fmt;
+    use std::marker::PhantomData;
+
+    use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
+
+    pub(super) fn vec<'de, D, T, const MAX: usize>(deserializer: D) -> Result<Vec<T>, D::Error>
+    where
+        D: Deserializer<'de>,
+        T: Deserialize<'de>,
+    {
+        deserializer.deserialize_seq(ListVisitor::<T, MAX>(PhantomData))
+    }
+
+    struct ListVisitor<T, const MAX: usize>(PhantomData<T>);
+
+    impl<'de, T: Deserialize<'de>, const MAX: usize> Visitor<'de> for ListVisitor<T, MAX> {
+        type Value = Vec<T>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "a list of at most {MAX} elements")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<T>, A::Error> {
+            // The stated length is a claim; it may be false, so it buys only a few elements.
+            let mut elements = Vec::with_capacity(list.size_hint().unwrap_or(0).min(64));
+            while let Some(element) = list.next_element()? {
+                if elements.len() == MAX {
+                    return Err(A::Error::custom(format!("a list has more than {MAX} elements")));
+                }
+                elements.push(element);
+            }
+            Ok(elements)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hello() -> Hello {
+        Hello {
+            magic: crate::version::MAGIC.to_owned(),
+            protocol: crate::version::PROTOCOL,
+            version: "0.1.0".to_owned(),
+            name: "lab-7".to_owned(),
+            slots: 4,
+            token: None,
+        }
+    }
+
+    fn refused(change: impl FnOnce(&mut Hello)) -> &'static str {
+        let mut hello = hello();
+        change(&mut hello);
+        hello.check().unwrap_err().what
+    }
+
+    #[test]
+    fn a_hello_is_held_to_its_limits() {
+        assert_eq!(hello().check(), Ok(()));
+        assert_eq!(refused(|h| h.name = "x".repeat(1_000_000)), "hello.name");
+        assert_eq!(refused(|h| h.name = "\u{1b}[2Jgone".to_owned()), "hello.name");
+        assert_eq!(refused(|h| h.slots = 0), "hello.slots");
+        assert_eq!(refused(|h| h.slots = 1_000_000), "hello.slots");
+        assert_eq!(refused(|h| h.token = Some("x".repeat(200))), "hello.token");
+    }
+
+    #[test]
+    fn a_result_has_exactly_the_values_of_its_pixels() {
+        let task = Task {
+            component: crate::Component::Full,
+            group: 3,
+            index: 0,
+        };
+        let result = |pixels, values| TaskResult {
+            frame: FrameId(1),
+            task,
+            pixels,
+            radiance: Radiance(vec![0.0; values]),
+            primary_rays: 0,
+            shadow_rays: 0,
+            busy_us: 0,
+        };
+        assert_eq!(result(2, 12).check(), Ok(()));
+        assert_eq!(result(0, 0).check(), Ok(()));
+        assert_eq!(result(2, 6).check().unwrap_err().what, "result.radiance");
+        assert_eq!(
+            result(limits::GROUP_PIXELS + 1, 0).check().unwrap_err().what,
+            "result.pixels"
+        );
+    }
+
+    #[test]
+    fn a_long_text_is_cut_between_characters() {
+        let long = "é".repeat(limits::TEXT_BYTES);
+        assert_eq!(text(long).len(), limits::TEXT_BYTES);
+        assert_eq!(
+            text(format!("a{}", "é".repeat(limits::TEXT_BYTES))).len(),
+            limits::TEXT_BYTES - 1
+        );
+        assert_eq!(text("short"), "short");
+    }
+}
