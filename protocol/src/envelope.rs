@@ -368,7 +368,7 @@ mod tests {
             "broken bytes after the message"
         );
         assert!(
-            malformed(&[b"\x81\xa4pong\x82\xa5nonce\x07\xa1x", &[0x91; 500][..]].concat()),
+            malformed(&[&b"\x81\xa4pong\x82\xa5nonce\x07\xa1x"[..], &[0x91; 100], b"\xc0"].concat()),
             "deep"
         );
     }

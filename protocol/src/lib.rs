@@ -17,6 +17,8 @@ pub mod settings;
 pub mod task;
 pub mod version;
 
+mod bounded;
+
 #[cfg(feature = "tokio")]
 pub mod connection;
 

@@ -47,7 +47,7 @@ pub const LEASES_PER_SLOT: u32 = 8;
 pub const TASKS_PER_ASSIGN: usize = 1024;
 
 /// Width or height of the image, in pixels.
-pub const IMAGE_SIDE: u32 = 32_768;
+pub const IMAGE_SIDE: u32 = 16_384;
 
 /// Pixels of the image.
 pub const IMAGE_PIXELS: u64 = 1 << 26;
@@ -65,7 +65,7 @@ pub const SPP: u32 = 1 << 16;
 pub const VPLS: u32 = 1 << 20;
 
 /// VPL sets of a frame.
-pub const VPL_SETS: u32 = 1 << 16;
+pub const VPL_SETS: u32 = 4096;
 
 /// Bytes of a VPL: position, normal and power, three little-endian f32 each.
 pub const VPL_BYTES: usize = 36;
