@@ -2,28 +2,25 @@
 //! words when Embree 4 is missing. `master`, `worker` and `eval` run it too
 //! (`build = "../build.rs"`). It depends on nothing, so a machine without Embree
 //! hears of it in seconds, not after the bindings' own build script was built.
-#![expect(
-    clippy::print_stderr,
-    reason = "a build script speaks to people on standard error"
-)]
-
 #[path = "embree-sys/discover.rs"]
 mod discover;
 
 use std::{
     env, fs,
     path::{Path, PathBuf},
-    process::{Command, ExitCode},
+    process::Command,
 };
 
-fn main() -> ExitCode {
-    let embree = match discover::find() {
-        Ok(embree) => embree,
-        Err(message) => {
-            eprintln!("\n{message}\n");
-            return ExitCode::FAILURE;
-        }
-    };
+use discover::Embree;
+
+fn main() {
+    match discover::find() {
+        Ok(embree) => record(&embree),
+        Err(message) => discover::report(&message),
+    }
+}
+
+fn record(embree: &Embree) {
     println!("cargo:rerun-if-changed={}", embree.version_header().display());
     println!("cargo:rerun-if-changed={}", embree.library.display());
 
@@ -41,7 +38,6 @@ fn main() -> ExitCode {
     println!("cargo:rustc-env=GRIDLIGHT_VERSION={}", env!("CARGO_PKG_VERSION"));
     println!("cargo:rustc-env=GRIDLIGHT_REVISION={}", revision(root));
     watch_revision(root, &package);
-    ExitCode::SUCCESS
 }
 
 /// The commit's short hash, with `-dirty` if files differ from it; `unknown`

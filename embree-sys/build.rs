@@ -1,28 +1,19 @@
 //! Finds Embree 4, generates the bindings to it and says how to link it.
-#![expect(
-    clippy::print_stderr,
-    reason = "a build script speaks to people on standard error"
-)]
-
 mod discover;
 
 use std::{
     env, fs,
     path::{Path, PathBuf},
-    process::{Command, ExitCode},
+    process::Command,
 };
 
 use discover::Embree;
 
 const HEADER: &str = "#include <embree4/rtcore.h>\n";
 
-fn main() -> ExitCode {
-    match build() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("\n{message}\n");
-            ExitCode::FAILURE
-        }
+fn main() {
+    if let Err(message) = build() {
+        discover::report(&message);
     }
 }
 
@@ -43,8 +34,9 @@ fn generate_bindings(embree: &Embree) -> Result<String, String> {
     // bindgen panics without libclang; asked first, it is a sentence.
     clang_sys::load().map_err(|error| {
         format!(
-            "Gridlight's build reads Embree's headers with libclang, which is missing ({error}).\n\
-             Run ./setup in Gridlight's folder: it installs libclang and all else the build needs."
+            "Gridlight's build reads Embree's headers with libclang, and it could not be loaded.\n\
+             Run ./setup in Gridlight's folder: it installs libclang and all else the build needs.\n\
+             The reason given: {error}"
         )
     })?;
     let bindings = bindgen::Builder::default()

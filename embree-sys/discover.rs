@@ -37,7 +37,7 @@ pub(crate) fn find() -> Result<Embree, String> {
     if let Some(prefix) = env::var_os("EMBREE_DIR").filter(|prefix| !prefix.is_empty()) {
         let prefix = PathBuf::from(prefix);
         return at(&prefix).map_err(|found| {
-            let why = found.unwrap_or_else(|| "no include/embree4 with a lib".to_owned());
+            let why = found.unwrap_or_else(|| "no include/embree4".to_owned());
             message(&format!("EMBREE_DIR is {}, which has {why}", prefix.display()))
         });
     }
@@ -46,13 +46,22 @@ pub(crate) fn find() -> Result<Embree, String> {
     for prefix in prefixes() {
         match at(&prefix) {
             Ok(embree) => return Ok(embree),
-            Err(found) => seen_instead = seen_instead.or(found),
+            Err(found) => {
+                let seen = found.map(|found| format!("{} has {found}", prefix.display()));
+                seen_instead = seen_instead.or(seen);
+            }
         }
     }
-    Err(message(&match seen_instead {
-        Some(found) => format!("this machine has {found}"),
-        None => "it is not on this machine".to_owned(),
-    }))
+    let why = seen_instead.unwrap_or_else(|| "it is not on this machine".to_owned());
+    Err(message(&why))
+}
+
+/// Fails the build with a message for a person. Cargo does it for us: a script
+/// that exits with an error itself gets its whole output shown around the words.
+pub(crate) fn report(message: &str) {
+    for line in message.lines() {
+        println!("cargo::error={line}");
+    }
 }
 
 fn message(why: &str) -> String {
@@ -83,18 +92,14 @@ fn at(prefix: &Path) -> Result<Embree, Option<String>> {
     let prefix = fs::canonicalize(prefix).map_err(|_absent| None)?;
     let include = prefix.join("include");
     let Some(version) = version(&version_header(&include, 4)) else {
-        return Err(version(&version_header(&include, 3))
-            .map(|old| format!("only Embree {old} in {}", prefix.display())));
+        let old = version(&version_header(&include, 3));
+        return Err(old.map(|old| format!("only Embree {old}")));
     };
     if !version.starts_with("4.") {
-        return Err(Some(format!("Embree {version} in {}", prefix.display())));
+        return Err(Some(format!("Embree {version}")));
     }
-    let library = library(&prefix).ok_or_else(|| {
-        Some(format!(
-            "the headers of Embree {version} in {}, but not the library libembree4.so",
-            prefix.display()
-        ))
-    })?;
+    let library = library(&prefix)
+        .ok_or_else(|| Some(format!("the headers of Embree {version}, but not libembree4.so")))?;
     Ok(Embree { include, library })
 }
 
