@@ -206,6 +206,18 @@ impl<const N: usize> LaneMask<N> {
         Self(std::array::from_fn(|lane| -i32::from(lane < count)))
     }
 
+    /// The lanes that are true.
+    #[inline]
+    pub fn from_lanes(lanes: [bool; N]) -> Self {
+        Self(lanes.map(|lane| -i32::from(lane)))
+    }
+
+    /// Number of lanes in the mask.
+    #[inline]
+    pub fn count(&self) -> u32 {
+        self.0.iter().sum::<i32>().unsigned_abs()
+    }
+
     /// The lanes whose bit is set.
     #[inline]
     pub fn from_bits(bits: u32) -> Self {
@@ -329,6 +341,8 @@ mod tests {
         assert_eq!(LaneMask::<8>::ALL.bits(), 0xff);
         assert_eq!(LaneMask::<8>::first(3).bits(), 0b111);
         assert_eq!(LaneMask::<16>::from_bits(0x8001).bits(), 0x8001);
+        assert_eq!(LaneMask::from_lanes([true, false, true, true]).bits(), 0b1101);
+        assert_eq!(LaneMask::from_lanes([true, false, true, true]).count(), 3);
     }
 
     #[test]

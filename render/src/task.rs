@@ -1,5 +1,7 @@
 //! The unit of work: one component of the light for one pixel group.
 
+use crate::settings::{Algorithm, Settings};
+
 /// A part of the light that is computed, buffered and reconstructed apart from the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Component {
@@ -30,6 +32,19 @@ pub struct Task {
     pub group: u32,
     /// Direct: the light sample (pass). Indirect: the VPL set. Full: 0.
     pub index: u32,
+}
+
+impl Task {
+    /// Whether a frame with these settings has this task.
+    pub fn is_within(self, settings: &Settings) -> bool {
+        let indices = match (settings.algorithm, self.component) {
+            (Algorithm::Component, Component::Direct) => settings.spp,
+            (Algorithm::Component, Component::Indirect) => settings.vpl_sets,
+            (Algorithm::Straightforward, Component::Full) => 1,
+            _ => 0,
+        };
+        self.group < settings.groups && self.index < indices
+    }
 }
 
 /// Rays traced for a task.

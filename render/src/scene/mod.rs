@@ -32,6 +32,15 @@ pub struct Scene {
     pub emitters: Vec<Emitter>,
 }
 
+impl Scene {
+    /// The longest side of the bounding box in scene units; 0 without triangles.
+    pub fn extent(&self) -> f32 {
+        self.mesh
+            .bounds()
+            .map_or(0.0, |(min, max)| (max - min).max_element())
+    }
+}
+
 /// The camera as the scene file gives it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraPose {

@@ -1,0 +1,179 @@
+//! A frame as a worker renders it: any task of it, chunk after chunk.
+
+use std::sync::{Arc, OnceLock};
+
+use glam::DVec3;
+
+use crate::{
+    direct::DirectPass,
+    gbuffer::{GBuffer, Vec3Lanes},
+    intersect::TracedScene,
+    light::LightSampler,
+    pixel_group::PixelGroups,
+    settings::{Settings, SettingsError},
+    task::{Component, RayCounts, Task},
+    vpl::{Gather, GeometryBound, VplSet},
+};
+
+/// Everything that the tasks of a frame share. Tasks may run on any number of threads at once.
+#[derive(Debug)]
+pub struct FrameRenderer {
+    scene: Arc<TracedScene>,
+    settings: Settings,
+    groups: PixelGroups,
+    lights: LightSampler,
+    vpl_sets: Vec<VplSet>,
+    /// The first surfaces of each chunk of each group: the same for every task of the group.
+    gbuffers: Vec<Vec<OnceLock<GBuffer>>>,
+}
+
+/// Why a frame cannot be rendered.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FrameError {
+    /// The workload is impossible.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The VPLs do not belong to the settings.
+    #[error("the frame has {found} VPL sets, but its settings speak of {expected}")]
+    VplSets {
+        /// Sets that came.
+        found: usize,
+        /// Sets in the settings.
+        expected: u32,
+    },
+}
+
+/// What a task yielded before it was done or stopped.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TaskOutput {
+    /// Length of the finished beginning of [`PixelGroups::pixels`].
+    pub pixels_done: u32,
+    /// Radiance per unit albedo in W·m⁻²·sr⁻¹, [`Component::floats_per_pixel`] numbers for each of these.
+    pub radiance: Vec<f32>,
+    /// Rays traced.
+    pub rays: RayCounts,
+}
+
+impl FrameRenderer {
+    /// Prepares a frame.
+    ///
+    /// # Errors
+    /// For settings outside their limits, and for VPL sets that are not as many as the settings say.
+    pub fn new(
+        scene: Arc<TracedScene>,
+        settings: Settings,
+        vpl_sets: Vec<VplSet>,
+    ) -> Result<Self, FrameError> {
+        settings.validate()?;
+        if vpl_sets.len() != settings.vpl_sets as usize {
+            return Err(FrameError::VplSets {
+                found: vpl_sets.len(),
+                expected: settings.vpl_sets,
+            });
+        }
+        let groups = PixelGroups::new(&settings);
+        let chunks = |group| groups.pixels(group).len().div_ceil(groups.chunk_pixels());
+        let gbuffers = (0..settings.groups)
+            .map(|group| {
+                std::iter::repeat_with(OnceLock::new)
+                    .take(chunks(group))
+                    .collect()
+            })
+            .collect();
+        let lights = LightSampler::new(&scene.scene().emitters);
+        Ok(Self {
+            scene,
+            settings,
+            groups,
+            lights,
+            vpl_sets,
+            gbuffers,
+        })
+    }
+
+    /// Whether the frame has such a task.
+    pub fn has(&self, task: Task) -> bool {
+        task.is_within(&self.settings)
+    }
+
+    /// Renders a task chunk by chunk, until it is done or `stop`, asked before each chunk, says so.
+    ///
+    /// # Panics
+    /// If the frame has no such task.
+    pub fn render(&self, task: Task, stop: &mut dyn FnMut() -> bool) -> TaskOutput {
+        assert!(self.has(task), "{task:?} is not a task of this frame");
+        let pixels = self.groups.pixels(task.group);
+        let mut output = TaskOutput::default();
+        output
+            .radiance
+            .reserve_exact(pixels.len() * task.component.floats_per_pixel());
+        for (chunk, pixels) in pixels.chunks(self.groups.chunk_pixels()).enumerate() {
+            if stop() {
+                break;
+            }
+            self.render_chunk(task, chunk, pixels, &mut output);
+            output.pixels_done += pixels.len() as u32;
+        }
+        output
+    }
+
+    fn render_chunk(&self, task: Task, chunk: usize, pixels: &[u32], output: &mut TaskOutput) {
+        if task.component == Component::Full {
+            // Each pixel comes once: nothing to keep.
+            let points = self.trace_points(pixels, &mut output.rays);
+            return self.render_full(pixels, &points, output);
+        }
+        let points = self.gbuffers[task.group as usize][chunk]
+            .get_or_init(|| self.trace_points(pixels, &mut output.rays));
+        let mut radiance = Vec3Lanes::zeros(points.position.x.len());
+        output.rays.shadow += match task.component {
+            Component::Direct => self.add_direct(task.index, pixels, points, &mut radiance),
+            _ => self.add_indirect(task.index, points, &mut radiance),
+        };
+        output
+            .radiance
+            .extend((0..pixels.len()).flat_map(|lane| radiance.get(lane).to_array()));
+    }
+
+    /// All passes and all sets of a chunk, with the same means as the component-based buffers have.
+    fn render_full(&self, pixels: &[u32], points: &GBuffer, output: &mut TaskOutput) {
+        let lanes = points.position.x.len();
+        let mut mean = |count: u32, add: &dyn Fn(u32, &mut Vec3Lanes) -> u64| -> Vec<DVec3> {
+            let mut sums = vec![DVec3::ZERO; lanes];
+            for index in 0..count {
+                let mut radiance = Vec3Lanes::zeros(lanes);
+                output.rays.shadow += add(index, &mut radiance);
+                for (lane, sum) in sums.iter_mut().enumerate() {
+                    *sum += radiance.get(lane).as_dvec3();
+                }
+            }
+            sums.into_iter().map(|sum| sum / f64::from(count)).collect()
+        };
+        let direct = mean(self.settings.spp, &|pass, radiance| {
+            self.add_direct(pass, pixels, points, radiance)
+        });
+        let indirect = mean(self.settings.vpl_sets, &|set, radiance| {
+            self.add_indirect(set, points, radiance)
+        });
+        let both = direct.iter().zip(&indirect).take(pixels.len());
+        output.radiance.extend(both.flat_map(|(direct, indirect)| {
+            [direct, indirect]
+                .into_iter()
+                .flat_map(|light| light.as_vec3().to_array())
+        }));
+    }
+
+    fn trace_points(&self, pixels: &[u32], rays: &mut RayCounts) -> GBuffer {
+        rays.primary += pixels.len() as u64;
+        GBuffer::trace(&self.scene, self.settings.size, pixels)
+    }
+
+    fn add_direct(&self, pass: u32, pixels: &[u32], points: &GBuffer, radiance: &mut Vec3Lanes) -> u64 {
+        DirectPass::new(&self.settings, pass).add(&self.scene, &self.lights, pixels, points, radiance)
+    }
+
+    fn add_indirect(&self, set: u32, points: &GBuffer, radiance: &mut Vec3Lanes) -> u64 {
+        let bound = GeometryBound::new(self.settings.geometry_clamp);
+        Gather::new(&self.scene, bound).add(points, &self.vpl_sets[set as usize].vpls, radiance)
+    }
+}

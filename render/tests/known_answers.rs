@@ -1,0 +1,279 @@
+//! Scenes whose light is known from formulas, and one way of computing judged by another.
+
+mod rooms;
+
+use std::{f32::consts::PI, sync::Arc};
+
+use glam::Vec3;
+use render::{
+    frame::FrameRenderer,
+    image::Picture,
+    intersect::{BruteForce, TracedScene},
+    path::path_trace,
+    sample::{Stream, warp::cosine_direction},
+    scene::ImageSize,
+    settings::{Algorithm, LightPoints, Settings},
+    task::{Component, Task},
+    vpl::trace_sets,
+};
+use rooms::{Room, all_tasks, mean, picture, picture_of, room_with_lamp};
+
+const SIZE: ImageSize = ImageSize {
+    width: 64,
+    height: 64,
+};
+
+fn settings(algorithm: Algorithm) -> Settings {
+    Settings {
+        groups: 8,
+        ..Settings::paper(algorithm, SIZE)
+    }
+}
+
+fn furnace() -> Arc<TracedScene> {
+    let half = Vec3::splat(0.5);
+    Room::new(Vec3::splat(0.5), Vec3::new(0.9, 0.4, 0.7), 80.0)
+        .cube(half, half)
+        .build()
+}
+
+fn assert_near(what: &str, value: f32, expected: f32, relative: f32) {
+    assert!(
+        (value / expected - 1.0).abs() < relative,
+        "{what} is {value}, not {expected} within {relative}"
+    );
+}
+
+fn assert_same_bits(a: &[Vec3], b: &[Vec3]) {
+    let differing = a.iter().zip(b).filter(|(a, b)| a != b).count();
+    assert!(
+        a.len() == b.len() && differing == 0,
+        "{differing} of {} pixels differ",
+        a.len()
+    );
+}
+
+#[test]
+fn the_furnace_has_radiance_one_by_the_path_tracer() {
+    let picture = path_trace(&furnace(), SIZE, 256, 0, &|_| ());
+    let direct: Vec<Vec3> = picture.iter().map(|pixel| pixel.direct).collect();
+    let indirect: Vec<Vec3> = picture.iter().map(|pixel| pixel.indirect).collect();
+    assert_near("direct light", mean(&direct).x, 0.25, 0.005);
+    assert_near("indirect light", mean(&indirect).x, 0.25, 0.005);
+}
+
+#[test]
+fn the_furnace_has_radiance_one_by_vpls() {
+    let many = Settings {
+        spp: 256,
+        vpls: 4096,
+        light_points: LightPoints::PerPixel,
+        ..settings(Algorithm::Component)
+    };
+    let picture = picture(&furnace(), &many);
+    assert_near("direct light", mean(&picture.direct).x, 0.25, 0.01);
+    assert_near("indirect light", mean(&picture.indirect).x, 0.25, 0.01);
+    assert_near("all light", mean(&picture.beauty).x, 1.0, 0.01);
+}
+
+/// Irradiance below the centre of a square light of half side `a` at height `h`, per radiance: four
+/// times the configuration factor of one quarter (Howell, factor B-4), times π.
+fn irradiance_below_square(a: f32, h: f32) -> f32 {
+    let r = (a * a + h * h).sqrt();
+    4.0 * 0.5 * (2.0 * a / r * (a / r).atan())
+}
+
+fn floor_below_lamp() -> Arc<TracedScene> {
+    // The eye looks down past the lamp at a patch of the floor so small that it is one point.
+    Room::new(Vec3::new(0.0, 0.5, 0.0), Vec3::ZERO, 0.2)
+        .quad(
+            Vec3::new(-5.0, 0.0, -5.0),
+            10.0 * Vec3::Z,
+            10.0 * Vec3::X,
+            Vec3::splat(0.6),
+            Vec3::ZERO,
+        )
+        .quad(
+            Vec3::new(-0.5, 1.0, -0.5),
+            Vec3::X,
+            Vec3::Z,
+            Vec3::ZERO,
+            Vec3::new(1.0, 2.0, 3.0),
+        )
+        .build()
+}
+
+#[test]
+fn a_square_light_lights_the_floor_as_the_formula_says() {
+    let scene = floor_below_lamp();
+    let expected = irradiance_below_square(0.5, 1.0) * 0.6 / PI;
+    let by_paths: Vec<Vec3> = path_trace(&scene, SIZE, 64, 0, &|_| ())
+        .iter()
+        .map(|p| p.direct)
+        .collect();
+    assert_near("the path tracer's light", mean(&by_paths).x, expected, 0.002);
+    assert_near("the path tracer's blue", mean(&by_paths).z, 3.0 * expected, 0.002);
+    for light_points in [LightPoints::PerPass, LightPoints::PerPixel] {
+        let settings = Settings {
+            spp: 256,
+            light_points,
+            ..settings(Algorithm::Component)
+        };
+        let picture = picture(&scene, &settings);
+        assert_near("the tasks' light", mean(&picture.direct).x, expected, 0.002);
+        assert_near("the tasks' blue", mean(&picture.direct).z, 3.0 * expected, 0.002);
+    }
+}
+
+#[test]
+fn many_vpls_converge_to_the_path_tracer() {
+    let scene = room_with_lamp();
+    let gold = path_trace(&scene, SIZE, 512, 0, &|_| ());
+    let many = Settings {
+        spp: 512,
+        vpls: 16_384,
+        light_points: LightPoints::PerPixel,
+        ..settings(Algorithm::Component)
+    };
+    let picture = picture(&scene, &many);
+    let gold = [
+        gold.iter().map(|p| p.direct).collect(),
+        gold.iter().map(|p| p.indirect).collect::<Vec<_>>(),
+    ];
+    for (what, light, gold) in [
+        ("direct", &picture.direct, &gold[0]),
+        ("indirect", &picture.indirect, &gold[1]),
+    ] {
+        let ratio = mean(light) / mean(gold);
+        assert!(
+            (ratio - 1.0).abs().max_element() < 0.01,
+            "{what} light is {ratio} of the path tracer's"
+        );
+    }
+}
+
+#[test]
+fn both_algorithms_agree_to_the_bit_when_nothing_is_missing() {
+    let scene = room_with_lamp();
+    let component = picture(&scene, &settings(Algorithm::Component));
+    let straightforward = picture(
+        &scene,
+        &Settings {
+            groups: 32,
+            ..settings(Algorithm::Straightforward)
+        },
+    );
+    assert_same_bits(&component.beauty, &straightforward.beauty);
+    assert_same_bits(&component.indirect, &straightforward.indirect);
+}
+
+#[test]
+fn any_order_of_arrival_gives_the_same_bits() {
+    let scene = room_with_lamp();
+    let settings = settings(Algorithm::Component);
+    let mut tasks = all_tasks(&settings);
+    // A subset, so that reconstruction takes part.
+    tasks.retain(|task| (task.group * 7 + task.index * 3) % 5 != 0);
+    let forward = picture_of(&scene, &settings, &tasks);
+    tasks.reverse();
+    let backward = picture_of(&scene, &settings, &tasks);
+    tasks.sort_by_key(|task| (task.group * 5 + task.index * 11) % 13);
+    let shuffled = picture_of(&scene, &settings, &tasks);
+    assert_same_bits(&forward.beauty, &backward.beauty);
+    assert_same_bits(&forward.beauty, &shuffled.beauty);
+}
+
+#[test]
+fn a_stopped_task_gives_the_beginning_of_the_whole_one() {
+    let scene = room_with_lamp();
+    let settings = Settings {
+        groups: 1,
+        ..settings(Algorithm::Component)
+    };
+    let renderer = FrameRenderer::new(scene.clone(), settings, trace_sets(&scene, &settings)).unwrap();
+    let task = Task {
+        component: Component::Indirect,
+        group: 0,
+        index: 3,
+    };
+    let whole = renderer.render(task, &mut || false);
+    let mut asked = 0;
+    let part = renderer.render(task, &mut || {
+        asked += 1;
+        asked > 2
+    });
+    assert_eq!(part.pixels_done, 2048);
+    assert!(part.radiance == whole.radiance[..2048 * 3]);
+}
+
+#[test]
+fn any_subset_of_results_gives_a_picture_of_the_same_brightness() {
+    let scene = room_with_lamp();
+    let settings = settings(Algorithm::Component);
+    let tasks = all_tasks(&settings);
+    let whole = mean(&picture(&scene, &settings).indirect).y;
+    let some: Vec<Task> = tasks
+        .iter()
+        .copied()
+        .filter(|task| (task.group + task.index) % 2 == 0)
+        .collect();
+    assert_near(
+        "half of all tasks",
+        mean(&picture_of(&scene, &settings, &some).indirect).y,
+        whole,
+        0.05,
+    );
+    let nothing: Picture = picture_of(&scene, &settings, &[]);
+    assert_eq!(mean(&nothing.indirect), Vec3::ZERO);
+    assert!(mean(&nothing.beauty).x >= 0.0);
+    assert!((nothing.coverage.direct_reconstructed_percent - 100.0).abs() < 1e-9);
+    assert!((nothing.coverage.indirect_reconstructed_percent - 100.0).abs() < 1e-9);
+}
+
+#[test]
+fn embree_finds_the_same_triangles_as_trying_them_all() {
+    let mut room = Room::new(Vec3::ZERO, Vec3::Z, 60.0);
+    let point = |i: u32, scale: f32| {
+        let mut stream = Stream::new(i, 5);
+        let xy = stream.next_2d();
+        scale * (xy.extend(stream.next_1d()) - 0.5)
+    };
+    for i in 0..100 {
+        room = room.quad(
+            point(3 * i, 2.0),
+            point(3 * i + 1, 0.7),
+            point(3 * i + 2, 0.7),
+            Vec3::ONE,
+            Vec3::ZERO,
+        );
+    }
+    let scene = room.build();
+    let brute_force = BruteForce::new(&scene.scene().mesh);
+    let mut hits = 0;
+    for i in 0..2_000 {
+        let origin = point(1_000 + i, 2.0);
+        let direction = cosine_direction(Vec3::Y, Stream::new(i, 9).next_2d());
+        let (fast, slow) = (
+            scene.nearest(origin, direction),
+            brute_force.nearest(origin, direction),
+        );
+        assert_eq!(fast.is_some(), slow.is_some(), "ray {i}");
+        if let (Some(fast), Some((distance, _))) = (fast, slow) {
+            hits += 1;
+            let expected = origin + distance as f32 * direction;
+            assert!(
+                (fast.position - expected).length() < 1e-5,
+                "ray {i}: {} is not {expected}",
+                fast.position
+            );
+            assert!(fast.geometric_normal.dot(direction) <= 0.0);
+        }
+        let target = point(5_000 + i, 2.0);
+        assert_eq!(
+            scene.visible(origin, target),
+            !brute_force.occluded(origin, target),
+            "shadow ray {i}"
+        );
+    }
+    assert!((500..1_900).contains(&hits), "{hits} hits tell nothing");
+}
