@@ -67,7 +67,7 @@ pub const VPLS: u32 = 1 << 20;
 /// VPL sets of a frame.
 pub const VPL_SETS: u32 = 4096;
 
-/// Bytes of a VPL: position, normal and power, three little-endian f32 each.
+/// Bytes of a VPL: position, normal and intensity, three little-endian f32 each.
 pub const VPL_BYTES: usize = 36;
 
 /// A `hello` must be there this long after the connection, a `welcome` this long after the `hello`.

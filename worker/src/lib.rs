@@ -1,1 +1,42 @@
 //! Renders tasks for a master on the cores that are free.
+//!
+//! [`state`] decides, on one connection, what to do about each message; it is pure. Around it is the
+//! shell: [`client`] carries bytes, [`loader`] and [`executor`] make light in threads of their own,
+//! and [`done`] is the channel between the two. [`renderer`] says what the worker needs of a renderer.
+
+pub mod options;
+
+pub mod backoff;
+pub mod state;
+
+pub mod client;
+pub mod clock;
+pub mod done;
+pub mod executor;
+pub mod loader;
+pub mod renderer;
+pub mod scene_cache;
+pub mod signals;
+
+use anyhow::Context as _;
+
+pub use client::Ended;
+pub use options::{Lifetime, WorkerOptions};
+
+use crate::client::Client;
+use crate::clock::Clock;
+use crate::renderer::Renderer;
+
+/// Works with the given renderer until told to stop; blocks. Not to be called from within an async
+/// runtime.
+pub fn run_with(options: WorkerOptions, clock: Clock, renderer: Box<dyn Renderer>) -> anyhow::Result<Ended> {
+    let mut runtime = tokio::runtime::Builder::new_current_thread();
+    let runtime = runtime
+        .enable_all()
+        .build()
+        .context("cannot start the network loop")?;
+    let ended = runtime.block_on(async { Client::new(options, clock, renderer)?.run().await });
+    // The look-up of a host's name may hang for long; nobody waits for it any more.
+    runtime.shutdown_background();
+    ended
+}

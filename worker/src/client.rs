@@ -1,0 +1,170 @@
+//! Finds the master, stays with it, and comes back when the connection is lost.
+
+mod session;
+
+use std::hash::{BuildHasher as _, RandomState};
+use std::time::Duration;
+
+use anyhow::{Context as _, anyhow, bail};
+use tokio::net::{TcpStream, lookup_host};
+use tokio::time::{sleep, timeout};
+
+use self::session::{End, Session};
+use crate::backoff::Backoff;
+use crate::clock::Clock;
+use crate::executor::Executor;
+use crate::loader::Loader;
+use crate::options::{Lifetime, WorkerOptions};
+use crate::renderer::Renderer;
+use crate::signals::Signals;
+use crate::state::Ending;
+
+/// How long one attempt to connect may take. A machine that is switched off does not answer at all.
+const CONNECT_WITHIN: Duration = Duration::from_secs(1);
+
+/// Why a worker ended as it should.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// A signal said so; this one.
+    Signal(String),
+    /// Its one master has no more work, or is gone.
+    MasterDone,
+}
+
+/// Everything of a worker that lives longer than a connection.
+#[derive(Debug)]
+pub struct Client {
+    options: WorkerOptions,
+    clock: Clock,
+    executor: Executor,
+    loader: Loader,
+    signals: Signals,
+    /// The last complaint, so that a hundred attempts do not make a hundred lines.
+    said: Option<String>,
+}
+
+impl Client {
+    /// Starts the threads; to be called within the runtime.
+    pub fn new(options: WorkerOptions, clock: Clock, renderer: Box<dyn Renderer>) -> anyhow::Result<Self> {
+        let threads = || format!("cannot start {} threads: use fewer --slots", options.slots);
+        let executor = Executor::start(options.slots, clock).with_context(threads)?;
+        let loader = Loader::start(renderer).context("cannot start a thread to load scenes")?;
+        let signals = Signals::listen(options.lifetime.clone()).context("cannot listen for signals")?;
+        Ok(Self {
+            options,
+            clock,
+            executor,
+            loader,
+            signals,
+            said: None,
+        })
+    }
+
+    /// Works until told to stop.
+    pub async fn run(&mut self) -> anyhow::Result<Ended> {
+        let mut backoff = Backoff::new();
+        loop {
+            let attempt = tokio::select! {
+                biased;
+                signal = self.signals.next() => return Ok(Ended::Signal(signal)),
+                attempt = connect(&self.options.connect) => attempt,
+            };
+            match attempt {
+                Ok(stream) => {
+                    let session =
+                        Session::new(&self.options, self.clock, &self.executor, &self.loader, stream)?;
+                    let (joined, end) = session.run(&mut self.signals).await;
+                    if joined {
+                        self.said = None;
+                        backoff = Backoff::new();
+                    }
+                    if let Some(ended) = self.after(&end)? {
+                        return Ok(ended);
+                    }
+                }
+                Err(error) => self.unreachable(error)?,
+            }
+            tokio::select! {
+                biased;
+                signal = self.signals.next() => return Ok(Ended::Signal(signal)),
+                () = sleep(backoff.wait(chance())) => {}
+            }
+        }
+    }
+
+    /// Decides whether the end of a connection is the end of the worker.
+    fn after(&mut self, end: &End) -> anyhow::Result<Option<Ended>> {
+        let master = &self.options.connect;
+        let complaint = match end {
+            End::Signal(signal) => return Ok(Some(Ended::Signal(signal.clone()))),
+            End::Decided(Ending::Left) => return Ok(Some(Ended::Signal("a signal".to_owned()))),
+            End::Decided(Ending::Shutdown) | End::Gone(_) => None,
+            End::Decided(Ending::Refused(reason)) => {
+                Some(format!("the master at {master} refuses this worker: {reason}"))
+            }
+            End::Decided(Ending::Silent(time)) => Some(format!(
+                "nothing was heard of {master} for {} s",
+                time.as_secs_f32()
+            )),
+            End::Decided(Ending::Violation(text)) | End::Garbage(text) => Some(format!(
+                "{master} does not talk like a Gridlight master of this version: {text}"
+            )),
+            End::Unsendable(text) => Some(format!("a message could not be sent: {text}")),
+        };
+        match (self.options.lifetime == Lifetime::Service, complaint) {
+            (true, Some(complaint)) => self.say(format!("{complaint}; trying again")),
+            (true, None) => tracing::info!(%master, "the master is gone ({end}); waiting for the next"),
+            (false, Some(complaint)) => return Err(anyhow!(complaint)),
+            (false, None) => return Ok(Some(Ended::MasterDone)),
+        }
+        Ok(None)
+    }
+
+    /// Decides what to do about a master that cannot be reached.
+    fn unreachable(&mut self, error: anyhow::Error) -> anyhow::Result<()> {
+        if self.options.lifetime != Lifetime::Service {
+            // It listens before it starts its own worker: it is gone.
+            return Err(error);
+        }
+        self.say(format!("{error:#}; trying again until a master is there"));
+        Ok(())
+    }
+
+    /// Says something once, however often it happens.
+    fn say(&mut self, text: String) {
+        if self.said.as_ref() == Some(&text) {
+            tracing::debug!("{text}");
+        } else {
+            tracing::warn!("{text}");
+            self.said = Some(text);
+        }
+    }
+}
+
+async fn connect(master: &str) -> anyhow::Result<TcpStream> {
+    let attempt = async {
+        let addresses: Vec<_> = lookup_host(master)
+            .await
+            .with_context(|| format!("cannot resolve {master}"))?
+            .collect();
+        if addresses.is_empty() {
+            bail!("cannot resolve {master}: the name has no address");
+        }
+        TcpStream::connect(&addresses[..])
+            .await
+            .with_context(|| format!("no master at {master}"))
+    };
+    let in_time = timeout(CONNECT_WITHIN, attempt).await;
+    in_time.unwrap_or_else(|_| {
+        bail!(
+            "no master at {master}: no answer within {} s",
+            CONNECT_WITHIN.as_secs()
+        )
+    })
+}
+
+/// A number from 0 to 1 that differs between machines and attempts. The standard library seeds its
+/// hash tables by chance; nothing that is rendered depends on it.
+fn chance() -> f64 {
+    RandomState::new().hash_one(0) as f64 / u64::MAX as f64
+}

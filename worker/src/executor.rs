@@ -1,0 +1,278 @@
+//! The slots: threads that take tasks from one queue and render them.
+
+use std::collections::VecDeque;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use embree4_sys::FlushDenormals;
+use protocol::{FrameId, Task};
+
+use crate::clock::Clock;
+use crate::done::{Done, DoneSender, panic_text};
+use crate::renderer::Frame;
+use crate::state::Outcome;
+
+/// The slots of a worker. They end when this is dropped, each with the task it is at.
+#[derive(Debug)]
+pub struct Executor {
+    shared: Arc<Shared>,
+}
+
+/// A task with all that a slot needs for it.
+#[derive(Debug)]
+pub struct Job {
+    /// The frame's number.
+    pub id: FrameId,
+    /// The frame.
+    pub frame: Arc<dyn Frame>,
+    /// The task.
+    pub task: Task,
+    /// When to stop.
+    pub stop: Arc<StopTime>,
+    /// Whom to tell.
+    pub done: DoneSender,
+}
+
+/// When the tasks of a frame are to stop; may change while they run.
+#[derive(Debug)]
+pub struct StopTime {
+    /// Since the clock's start; the largest number stands for never.
+    micros: AtomicU64,
+}
+
+const NEVER: u64 = u64::MAX;
+
+#[derive(Debug)]
+struct Shared {
+    clock: Clock,
+    queue: Mutex<Queue>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct Queue {
+    jobs: VecDeque<Job>,
+    closed: bool,
+}
+
+impl Executor {
+    /// Starts the threads.
+    pub fn start(slots: u32, clock: Clock) -> io::Result<Self> {
+        let shared = Shared {
+            clock,
+            queue: Mutex::default(),
+            changed: Condvar::new(),
+        };
+        let executor = Self {
+            shared: Arc::new(shared),
+        };
+        for slot in 0..slots {
+            let shared = Arc::clone(&executor.shared);
+            thread::Builder::new()
+                .name(format!("slot {slot}"))
+                .spawn(move || shared.work())?;
+        }
+        Ok(executor)
+    }
+
+    /// Puts a task at the end of the queue.
+    pub fn submit(&self, job: Job) {
+        self.shared.lock().jobs.push_back(job);
+        self.shared.changed.notify_one();
+    }
+}
+
+impl Drop for Executor {
+    fn drop(&mut self) {
+        let mut queue = self.shared.lock();
+        queue.closed = true;
+        queue.jobs.clear();
+        self.shared.changed.notify_all();
+    }
+}
+
+impl Shared {
+    /// The life of a slot.
+    fn work(&self) {
+        let _mode = FlushDenormals::in_this_thread();
+        while let Some(job) = self.next() {
+            let outcome = self.run(&job);
+            // Nobody listens if the connection has ended meanwhile.
+            let _ = job.done.send(Done::Task(job.id, job.task, outcome));
+        }
+    }
+
+    fn next(&self) -> Option<Job> {
+        let queue = self.lock();
+        let idle = |queue: &mut Queue| queue.jobs.is_empty() && !queue.closed;
+        let mut queue = self
+            .changed
+            .wait_while(queue, idle)
+            .unwrap_or_else(PoisonError::into_inner);
+        queue.jobs.pop_front()
+    }
+
+    fn run(&self, job: &Job) -> Outcome {
+        let begun = self.clock.now();
+        if job.stop.has_come(begun) {
+            return Outcome::NotStarted;
+        }
+        if !job.frame.has(job.task) {
+            return Outcome::Broke(format!("the frame has no task {}", job.task));
+        }
+        let mut stop = || job.stop.has_come(self.clock.now());
+        // A task that breaks must end neither the slot nor the worker.
+        match catch_unwind(AssertUnwindSafe(|| job.frame.render(job.task, &mut stop))) {
+            Ok(output) => Outcome::Rendered {
+                output,
+                busy: self.clock.now().saturating_sub(begun),
+            },
+            Err(panic) => Outcome::Broke(panic_text(&*panic)),
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        // No code that can panic runs under the lock.
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl StopTime {
+    /// Not to be stopped yet.
+    pub fn never() -> Self {
+        Self {
+            micros: AtomicU64::new(NEVER),
+        }
+    }
+
+    /// Changes the time, also for tasks that run.
+    pub fn set(&self, stop_at: Option<Duration>) {
+        let micros = stop_at.map_or(NEVER, |time| u64::try_from(time.as_micros()).unwrap_or(NEVER));
+        self.micros.store(micros, Ordering::Relaxed);
+    }
+
+    /// Stops all tasks of the frame now.
+    pub fn set_now(&self) {
+        self.set(Some(Duration::ZERO));
+    }
+
+    fn has_come(&self, now: Duration) -> bool {
+        // Nothing else is published through this number, so no order is needed.
+        now.as_micros() >= u128::from(self.micros.load(Ordering::Relaxed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol::Component;
+    use tokio::sync::mpsc;
+
+    use super::*;
+    use crate::renderer::Output;
+
+    /// Renders a pixel per call of `stop`; group 13 breaks.
+    #[derive(Debug)]
+    struct Counting {
+        pixels: u32,
+    }
+
+    impl Frame for Counting {
+        fn has(&self, task: Task) -> bool {
+            task.group < 20
+        }
+
+        fn render(&self, task: Task, stop: &mut dyn FnMut() -> bool) -> Output {
+            assert!(task.group != 13, "thirteen");
+            let pixels = (0..self.pixels).take_while(|_| !stop()).count() as u32;
+            Output {
+                pixels,
+                ..Output::default()
+            }
+        }
+    }
+
+    struct Slots {
+        executor: Executor,
+        stop: Arc<StopTime>,
+        sender: DoneSender,
+        done: mpsc::UnboundedReceiver<Done>,
+        clock: Clock,
+    }
+
+    impl Slots {
+        fn new(count: u32) -> Self {
+            let clock = Clock::start();
+            let (sender, done) = mpsc::unbounded_channel();
+            let (executor, stop) = (
+                Executor::start(count, clock).unwrap(),
+                Arc::new(StopTime::never()),
+            );
+            Self {
+                executor,
+                stop,
+                sender,
+                done,
+                clock,
+            }
+        }
+
+        fn submit(&self, pixels: u32, group: u32) {
+            self.executor.submit(Job {
+                id: FrameId(1),
+                frame: Arc::new(Counting { pixels }),
+                task: Task {
+                    component: Component::Direct,
+                    group,
+                    index: 0,
+                },
+                stop: Arc::clone(&self.stop),
+                done: self.sender.clone(),
+            });
+        }
+
+        fn next(&mut self) -> (u32, Outcome) {
+            match self.done.blocking_recv().unwrap() {
+                Done::Task(_, task, outcome) => (task.group, outcome),
+                _ => panic!("not a task"),
+            }
+        }
+    }
+
+    #[test]
+    fn every_task_is_rendered_and_reported_once() {
+        let mut slots = Slots::new(3);
+        (0..10).for_each(|group| slots.submit(5, group));
+        let mut groups: Vec<u32> = (0..10).map(|_| slots.next().0).collect();
+        groups.sort_unstable();
+        assert_eq!(groups, (0..10).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_running_task_stops_at_a_time_set_after_its_start_and_the_next_is_not_begun() {
+        let mut slots = Slots::new(1);
+        slots.submit(u32::MAX, 0);
+        slots.submit(u32::MAX, 1);
+        let stop_at = slots.clock.now() + Duration::from_millis(20);
+        slots.stop.set(Some(stop_at));
+        let (group, outcome) = slots.next();
+        let late = slots.clock.now().saturating_sub(stop_at);
+        assert!(matches!(outcome, Outcome::Rendered { output, .. } if group == 0 && output.pixels > 0));
+        assert!(late < Duration::from_millis(50), "{late:?}");
+        assert!(matches!(slots.next(), (1, Outcome::NotStarted)));
+    }
+
+    #[test]
+    fn a_task_that_breaks_or_does_not_exist_is_reported_and_the_slot_goes_on() {
+        let mut slots = Slots::new(1);
+        for group in [13, 99, 2] {
+            slots.submit(1, group);
+        }
+        assert!(matches!(slots.next(), (13, Outcome::Broke(text)) if text.contains("thirteen")));
+        assert!(matches!(slots.next(), (99, Outcome::Broke(text)) if text.contains("no task")));
+        assert!(matches!(slots.next(), (2, Outcome::Rendered { .. })));
+    }
+}

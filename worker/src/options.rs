@@ -1,0 +1,32 @@
+//! What a worker is told when it starts.
+
+use std::path::PathBuf;
+
+/// What a worker is told when it starts.
+#[derive(Clone, Debug)]
+pub struct WorkerOptions {
+    /// The master, as `HOST:PORT`.
+    pub connect: String,
+    /// Threads that render, 1 to [`protocol::limits::SLOTS`].
+    pub slots: u32,
+    /// Name by which people know this worker.
+    pub name: String,
+    /// How long to work.
+    pub lifetime: Lifetime,
+    /// Program version for people, as `0.1.0 (1234abcd)`.
+    pub version: String,
+    /// What `$GRIDLIGHT_SCENES` stands for in scene files.
+    pub scenes_dir: PathBuf,
+}
+
+/// How long a worker works.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Lifetime {
+    /// For any number of masters, until it is told to go.
+    Service,
+    /// For one master, which started it on its own machine: ends with the connection.
+    OneMaster {
+        /// By which the master knows it.
+        token: Option<String>,
+    },
+}

@@ -1,0 +1,59 @@
+//! What a worker needs of a renderer. The real one is in [`crate::traced`]; tests bring their own.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use protocol::Task;
+use protocol::settings::Settings;
+use serde_bytes::ByteBuf;
+
+/// Loads scenes.
+pub trait Renderer: Send + fmt::Debug + 'static {
+    /// Reads a scene and builds its BVH.
+    fn load(&self, path: &Path) -> anyhow::Result<LoadedScene>;
+}
+
+/// A scene in memory.
+#[derive(Clone, Debug)]
+pub struct LoadedScene {
+    /// Makes frames.
+    pub scene: Arc<dyn Scene>,
+    /// Digest of the content, if there is one.
+    pub digest: Option<String>,
+    /// The files it was read from.
+    pub files: Vec<PathBuf>,
+    /// Time to read them.
+    pub load: Duration,
+    /// Time to build the BVH.
+    pub bvh: Duration,
+}
+
+/// A scene of which frames can be rendered.
+pub trait Scene: Send + Sync + fmt::Debug {
+    /// Sets up a frame. Settings and VPLs come from the master and may be wrong.
+    fn set_up(&self, settings: &Settings, vpl_sets: &[ByteBuf]) -> anyhow::Result<Arc<dyn Frame>>;
+}
+
+/// A frame of which tasks can be rendered, from many threads at once.
+pub trait Frame: Send + Sync + fmt::Debug {
+    /// Whether the frame has this task.
+    fn has(&self, task: Task) -> bool;
+
+    /// Renders a task that the frame has, until it is done or `stop` says so.
+    fn render(&self, task: Task, stop: &mut dyn FnMut() -> bool) -> Output;
+}
+
+/// What a task yielded.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Output {
+    /// The first so many pixels of the group were done.
+    pub pixels: u32,
+    /// Their radiance per unit albedo, W·m⁻²·sr⁻¹, as the protocol has it.
+    pub radiance: Vec<f32>,
+    /// Camera rays traced.
+    pub primary_rays: u64,
+    /// Shadow rays traced.
+    pub shadow_rays: u64,
+}

@@ -1,0 +1,488 @@
+//! Decides what a worker does on one connection. Knows no sockets, threads or clock.
+//!
+//! Time is a [`Duration`] since the worker's start. The shell turns whatever happens into an
+//! [`Event`], carries out the [`Action`]s and comes back when [`State::poll_timeout`] says so.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use protocol::limits::{HANDSHAKE_WITHIN, LEASES_PER_SLOT, SILENCE};
+use protocol::message::{
+    Assign, Failed, FailedStep, Frame, Hello, Leaving, Message as _, Pong, Prepared, Request, SceneRef,
+    TaskResult, text,
+};
+use protocol::{FrameId, Radiance, Task, ToMaster, ToWorker};
+
+use crate::renderer::Output;
+
+/// Work that a slot has waiting for it, so that it need not wait for the network: at least one task,
+/// more if tasks are shorter than this. Covers a round trip between two busy processes.
+const AHEAD: Duration = Duration::from_millis(5);
+
+/// How long the slots of a worker that leaves may take to stop; a chunk takes about a millisecond.
+const STOPPING_WITHIN: Duration = Duration::from_millis(60);
+
+/// What happened.
+#[derive(Debug)]
+pub enum Event {
+    /// The master said something.
+    Received(ToWorker),
+    /// The scene asked for last is in memory.
+    SceneReady(Prepared),
+    /// The scene asked for last cannot be loaded.
+    SceneFailed(String),
+    /// The frame asked for last can be rendered.
+    FrameReady(FrameId),
+    /// The frame asked for last cannot be rendered.
+    FrameFailed(FrameId, String),
+    /// A slot is done with a task.
+    TaskDone(FrameId, Task, Outcome),
+    /// The worker has to go.
+    Leave(String),
+    /// The time of [`State::poll_timeout`] has come.
+    Tick,
+}
+
+/// What became of a task.
+#[derive(Debug)]
+pub enum Outcome {
+    /// It was rendered, to its end or until it was stopped.
+    Rendered {
+        /// What there is of it.
+        output: Output,
+        /// The time it took.
+        busy: Duration,
+    },
+    /// Its time was up before it began.
+    NotStarted,
+    /// The renderer broke.
+    Broke(String),
+}
+
+/// What to do.
+#[derive(Debug, PartialEq)]
+pub enum Action {
+    /// Say this to the master.
+    Send(ToMaster),
+    /// Load the scene, then report [`Event::SceneReady`] or [`Event::SceneFailed`].
+    LoadScene(SceneRef),
+    /// Set up the frame, then report [`Event::FrameReady`] or [`Event::FrameFailed`].
+    SetUp(Frame),
+    /// Let the slots do these, in this order, each to be reported as [`Event::TaskDone`].
+    Start(FrameId, Vec<Task>),
+    /// Stop the frame's tasks at this time; `None`: let them finish.
+    StopAt(FrameId, Option<Duration>),
+    /// Stop the frame's tasks now and forget the frame.
+    End(FrameId),
+    /// Send what is still to be sent, then close. Nothing comes after this.
+    Close(Ending),
+}
+
+/// Why a connection ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// This worker had to go.
+    Left,
+    /// The master has no more work.
+    Shutdown,
+    /// The master does not want this worker.
+    Refused(String),
+    /// Nothing was heard of the master for too long.
+    Silent(Duration),
+    /// The master said what it may not say here.
+    Violation(String),
+}
+
+/// What a worker knows on one connection.
+#[derive(Debug)]
+pub struct State {
+    slots: u32,
+    joined: bool,
+    heard_at: Duration,
+    /// How long the master may say nothing; `None`: as long as it likes.
+    silence: Option<Duration>,
+    scene: Scene,
+    /// What the loading thread is at; it does one thing at a time.
+    loading: Option<Load>,
+    /// What it shall do next. A later wish replaces an earlier one, so that no queue can grow.
+    next_scene: Option<SceneRef>,
+    next_frame: Option<Frame>,
+    frame: Option<CurrentFrame>,
+    /// Mean time of a task.
+    pace: Option<Duration>,
+    leaving: Option<Goodbye>,
+    closed: bool,
+    actions: VecDeque<Action>,
+}
+
+#[derive(Debug, PartialEq)]
+enum Scene {
+    Missing,
+    Ready,
+    Failed,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Load {
+    Scene,
+    Frame(FrameId),
+    /// A frame that ended meanwhile; it cannot be interrupted.
+    EndedFrame,
+}
+
+#[derive(Debug)]
+struct CurrentFrame {
+    id: FrameId,
+    /// Tasks with the slots.
+    held: u32,
+    /// Tasks asked for and not yet here.
+    asked: u32,
+    stop_at: Option<Duration>,
+}
+
+#[derive(Debug)]
+struct Goodbye {
+    reason: String,
+    by: Duration,
+}
+
+impl State {
+    /// A fresh connection: greets the master.
+    pub fn new(now: Duration, hello: Hello) -> Self {
+        let mut state = Self {
+            slots: hello.slots,
+            joined: false,
+            heard_at: now,
+            silence: Some(SILENCE),
+            scene: Scene::Missing,
+            loading: None,
+            next_scene: None,
+            next_frame: None,
+            frame: None,
+            pace: None,
+            leaving: None,
+            closed: false,
+            actions: VecDeque::new(),
+        };
+        state.send(ToMaster::Hello(hello));
+        state
+    }
+
+    /// Trusts a silent master: one on the same machine whose end closes the connection.
+    #[must_use]
+    pub fn patient(mut self) -> Self {
+        self.silence = None;
+        self
+    }
+
+    /// Takes one event.
+    pub fn handle(&mut self, now: Duration, event: Event) {
+        match event {
+            Event::Received(message) => self.received(now, message),
+            Event::SceneReady(prepared) => self.scene_ready(prepared),
+            Event::SceneFailed(message) => self.scene_failed(message),
+            Event::FrameReady(frame) => self.frame_ready(now, frame),
+            Event::FrameFailed(frame, message) => self.frame_failed(frame, message),
+            Event::TaskDone(frame, task, outcome) => self.task_done(now, frame, task, outcome),
+            Event::Leave(reason) => self.leave(now, reason),
+            Event::Tick => self.tick(now),
+        }
+        self.say_goodbye(now);
+    }
+
+    /// The next thing to do; call until `None` after every [`Self::handle`].
+    pub fn poll_action(&mut self) -> Option<Action> {
+        self.actions.pop_front()
+    }
+
+    /// When to come back with [`Event::Tick`] if nothing else happens.
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        match &self.leaving {
+            Some(goodbye) => Some(goodbye.by),
+            None => self.patience().map(|patience| self.heard_at + patience),
+        }
+    }
+
+    /// Whether the master has welcomed this worker.
+    pub fn has_joined(&self) -> bool {
+        self.joined
+    }
+
+    fn patience(&self) -> Option<Duration> {
+        if self.joined {
+            self.silence
+        } else {
+            Some(HANDSHAKE_WITHIN)
+        }
+    }
+
+    fn tick(&mut self, now: Duration) {
+        match self.patience() {
+            Some(patience) if self.leaving.is_none() && now >= self.heard_at + patience => {
+                self.close(Ending::Silent(patience));
+            }
+            _ => {}
+        }
+    }
+
+    fn received(&mut self, now: Duration, message: ToWorker) {
+        self.heard_at = now;
+        match message {
+            ToWorker::Refused(refused) => self.close(Ending::Refused(refused.reason)),
+            ToWorker::Welcome(_) if !self.joined => self.joined = true,
+            message if !self.joined => {
+                self.close(Ending::Violation(format!(
+                    "`{}` came before `welcome`",
+                    message.name()
+                )));
+            }
+            // A frame's end is always of interest; of new work there is none for one who leaves.
+            ToWorker::CutOff(cut_off) => self.stop_at(cut_off.frame, Some(now)),
+            ToWorker::EndFrame(end) => self.end_frame(end.frame),
+            ToWorker::Ping(ping) => self.send(ToMaster::Pong(Pong { nonce: ping.nonce })),
+            ToWorker::Shutdown(_) => self.close(Ending::Shutdown),
+            _ if self.leaving.is_some() => {}
+            ToWorker::Prepare(prepare) => self.prepare(prepare.scene),
+            ToWorker::Frame(frame) => self.new_frame(frame),
+            ToWorker::Assign(assign) => self.assign(now, assign),
+            other => self.close(Ending::Violation(format!(
+                "`{}` was not expected here",
+                other.name()
+            ))),
+        }
+    }
+
+    fn prepare(&mut self, scene: SceneRef) {
+        self.end_current_frame();
+        self.next_frame = None;
+        self.next_scene = Some(scene);
+        self.load_next();
+    }
+
+    fn new_frame(&mut self, frame: Frame) {
+        self.end_current_frame();
+        self.next_frame = Some(frame);
+        self.load_next();
+    }
+
+    /// Gives the loading thread its next work, if it is free and there is some.
+    fn load_next(&mut self) {
+        if self.loading.is_some() {
+            return;
+        }
+        if let Some(scene) = self.next_scene.take() {
+            self.scene = Scene::Missing;
+            self.loading = Some(Load::Scene);
+            self.act(Action::LoadScene(scene));
+        } else if let Some(frame) = self.next_frame.take() {
+            if self.scene == Scene::Ready {
+                self.loading = Some(Load::Frame(frame.frame));
+                self.act(Action::SetUp(frame));
+            } else {
+                let why = if self.scene == Scene::Failed {
+                    "its scene failed"
+                } else {
+                    "no scene was named"
+                };
+                self.send_failed(FailedStep::Frame, Some(frame.frame), None, why.to_owned());
+            }
+        }
+    }
+
+    fn scene_ready(&mut self, prepared: Prepared) {
+        self.loading = None;
+        // Of a scene that is to be replaced at once the master need not hear.
+        if self.next_scene.is_none() {
+            self.scene = Scene::Ready;
+            self.send(ToMaster::Prepared(prepared));
+        }
+        self.load_next();
+    }
+
+    fn scene_failed(&mut self, message: String) {
+        self.loading = None;
+        if self.next_scene.is_none() {
+            self.scene = Scene::Failed;
+            self.send_failed(FailedStep::Scene, None, None, message);
+        }
+        self.load_next();
+    }
+
+    fn frame_ready(&mut self, now: Duration, id: FrameId) {
+        let wanted = self.loading.take() == Some(Load::Frame(id))
+            && self.next_scene.is_none()
+            && self.next_frame.is_none();
+        if wanted {
+            self.frame = Some(CurrentFrame {
+                id,
+                held: 0,
+                asked: 0,
+                stop_at: None,
+            });
+            self.request(now);
+        }
+        self.load_next();
+    }
+
+    fn frame_failed(&mut self, id: FrameId, message: String) {
+        if self.loading.take() == Some(Load::Frame(id)) {
+            self.send_failed(FailedStep::Frame, Some(id), None, message);
+        }
+        self.load_next();
+    }
+
+    fn assign(&mut self, now: Duration, assign: Assign) {
+        let Some(frame) = self.frame.as_mut().filter(|frame| frame.id == assign.frame) else {
+            return;
+        };
+        let count = assign.tasks.len() as u32;
+        let Some(asked) = frame.asked.checked_sub(count) else {
+            let text = format!("{count} tasks were assigned, only {} were asked for", frame.asked);
+            return self.close(Ending::Violation(text));
+        };
+        frame.asked = asked;
+        frame.held += count;
+        let stop_at = assign
+            .send_within_us
+            .map(|us| now.saturating_add(Duration::from_micros(us)));
+        self.stop_at(assign.frame, stop_at);
+        if count > 0 {
+            self.act(Action::Start(assign.frame, assign.tasks));
+        }
+    }
+
+    fn stop_at(&mut self, id: FrameId, stop_at: Option<Duration>) {
+        let Some(frame) = self.frame.as_mut().filter(|frame| frame.id == id) else {
+            return;
+        };
+        if frame.stop_at != stop_at {
+            frame.stop_at = stop_at;
+            self.act(Action::StopAt(id, stop_at));
+        }
+    }
+
+    fn end_frame(&mut self, id: FrameId) {
+        if self.next_frame.as_ref().is_some_and(|frame| frame.frame == id) {
+            self.next_frame = None;
+        }
+        if self.loading == Some(Load::Frame(id)) {
+            self.loading = Some(Load::EndedFrame);
+        }
+        if self.frame.as_ref().is_some_and(|frame| frame.id == id) {
+            self.end_current_frame();
+        }
+    }
+
+    fn end_current_frame(&mut self) {
+        if let Some(frame) = self.frame.take() {
+            self.act(Action::End(frame.id));
+        }
+    }
+
+    fn task_done(&mut self, now: Duration, id: FrameId, task: Task, outcome: Outcome) {
+        let Some(frame) = self.frame.as_mut().filter(|frame| frame.id == id) else {
+            return;
+        };
+        // A master that uses a frame's number twice could bring this about.
+        let Some(held) = frame.held.checked_sub(1) else {
+            return;
+        };
+        frame.held = held;
+        match outcome {
+            Outcome::Rendered { output, busy } => {
+                self.note_pace(busy);
+                self.send(ToMaster::Result(TaskResult {
+                    frame: id,
+                    task,
+                    pixels: output.pixels,
+                    radiance: Radiance(output.radiance),
+                    primary_rays: output.primary_rays,
+                    shadow_rays: output.shadow_rays,
+                    busy_us: busy.as_micros() as u64,
+                }));
+            }
+            Outcome::NotStarted => {}
+            Outcome::Broke(message) => self.send_failed(FailedStep::Task, Some(id), Some(task), message),
+        }
+        self.request(now);
+    }
+
+    /// Asks for as many tasks as keep every slot busy.
+    fn request(&mut self, now: Duration) {
+        let wanted = self.slots * (1 + self.tasks_ahead());
+        let Some(frame) = self.frame.as_mut() else { return };
+        let stopped = frame.stop_at.is_some_and(|stop_at| now >= stop_at);
+        let tasks = wanted.saturating_sub(frame.held + frame.asked);
+        if stopped || self.leaving.is_some() || tasks == 0 {
+            return;
+        }
+        frame.asked += tasks;
+        let frame = frame.id;
+        self.send(ToMaster::Request(Request { frame, tasks }));
+    }
+
+    /// Tasks that wait for each slot.
+    fn tasks_ahead(&self) -> u32 {
+        let Some(pace) = self.pace else { return 1 };
+        let tasks = AHEAD.as_micros().div_ceil(pace.as_micros().max(1));
+        tasks.clamp(1, u128::from(LEASES_PER_SLOT) - 1) as u32
+    }
+
+    fn note_pace(&mut self, busy: Duration) {
+        self.pace = Some(self.pace.map_or(busy, |pace| (pace * 7 + busy) / 8));
+    }
+
+    fn leave(&mut self, now: Duration, reason: String) {
+        if self.leaving.is_some() {
+            return;
+        }
+        self.leaving = Some(Goodbye {
+            reason,
+            by: now + STOPPING_WITHIN,
+        });
+        if let Some(id) = self.frame.as_ref().map(|frame| frame.id) {
+            self.stop_at(id, Some(now));
+        }
+    }
+
+    /// Leaves when all slots have stopped, or when they take too long.
+    fn say_goodbye(&mut self, now: Duration) {
+        let Some(goodbye) = &self.leaving else { return };
+        let stopped = self.frame.as_ref().is_none_or(|frame| frame.held == 0);
+        if stopped || now >= goodbye.by {
+            let reason = text(goodbye.reason.as_str());
+            if self.joined {
+                self.send(ToMaster::Leaving(Leaving { reason }));
+            }
+            self.close(Ending::Left);
+        }
+    }
+
+    fn send_failed(&mut self, what: FailedStep, frame: Option<FrameId>, task: Option<Task>, message: String) {
+        let message = text(message);
+        self.send(ToMaster::Failed(Failed {
+            what,
+            frame,
+            task,
+            message,
+        }));
+    }
+
+    fn send(&mut self, message: ToMaster) {
+        self.act(Action::Send(message));
+    }
+
+    fn close(&mut self, ending: Ending) {
+        self.act(Action::Close(ending));
+        self.closed = true;
+    }
+
+    fn act(&mut self, action: Action) {
+        if !self.closed {
+            self.actions.push_back(action);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,243 @@
+//! A master that says what a test wants, and a renderer whose light is easy to foretell.
+#![allow(dead_code, reason = "each test program uses its own part")]
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on should stop")]
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::bail;
+use protocol::connection::{Reader, Writer};
+use protocol::message::*;
+use protocol::settings::{Algorithm, LightPoints, Settings};
+use protocol::{Component, FrameId, Task, ToMaster, ToWorker, WorkerId};
+use serde_bytes::ByteBuf;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::time::timeout;
+use worker::renderer::{Frame as FrameTasks, LoadedScene, Output, Renderer, Scene};
+
+/// Longer than anything takes; a test that waits so long has failed.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Listens where a worker can find it.
+pub(crate) struct Master {
+    listener: TcpListener,
+    pub(crate) address: SocketAddr,
+}
+
+/// The master's end of a connection.
+pub(crate) struct Peer {
+    reader: Reader<ToMaster>,
+    writer: Writer<ToWorker>,
+}
+
+impl Master {
+    pub(crate) async fn listen() -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        Self { listener, address }
+    }
+
+    pub(crate) async fn accept_bytes(&self) -> TcpStream {
+        timeout(PATIENCE, self.listener.accept())
+            .await
+            .unwrap()
+            .unwrap()
+            .0
+    }
+
+    pub(crate) async fn accept(&self) -> Peer {
+        let (reader, writer) = protocol::connection::open(self.accept_bytes().await).unwrap();
+        Peer { reader, writer }
+    }
+
+    /// Accepts a worker and welcomes it.
+    pub(crate) async fn join(&self) -> (Peer, Hello) {
+        let mut peer = self.accept().await;
+        let hello = peer.hello().await;
+        peer.say(ToWorker::Welcome(Welcome {
+            worker: WorkerId(1),
+            version: "0.1.0".to_owned(),
+        }))
+        .await;
+        (peer, hello)
+    }
+
+    /// Accepts a worker and brings it into the middle of frame 1, with its first tasks asked for.
+    pub(crate) async fn join_in_frame(&self, scene: &str, settings: Settings) -> (Peer, u32) {
+        let (mut peer, _) = self.join().await;
+        peer.prepare(scene).await;
+        assert!(matches!(peer.hear().await, ToMaster::Prepared(_)));
+        peer.say(ToWorker::Frame(Frame {
+            frame: FrameId(1),
+            settings,
+            vpl_sets: Vec::new(),
+        }))
+        .await;
+        let asked = peer.request().await;
+        (peer, asked)
+    }
+}
+
+impl Peer {
+    pub(crate) async fn say(&mut self, message: ToWorker) {
+        self.writer.send(&message).await.unwrap();
+    }
+
+    pub(crate) async fn hear(&mut self) -> ToMaster {
+        let message = timeout(PATIENCE, self.reader.read()).await;
+        message
+            .expect("the worker says something in time")
+            .unwrap()
+            .expect("the worker stays")
+    }
+
+    /// Whether the worker closes next.
+    pub(crate) async fn is_closed(&mut self) -> bool {
+        !matches!(timeout(PATIENCE, self.reader.read()).await.unwrap(), Ok(Some(_)))
+    }
+
+    pub(crate) async fn hello(&mut self) -> Hello {
+        match self.hear().await {
+            ToMaster::Hello(hello) => {
+                self.reader.handshake_done();
+                hello
+            }
+            other => panic!("not a hello: {other:?}"),
+        }
+    }
+
+    pub(crate) async fn request(&mut self) -> u32 {
+        match self.hear().await {
+            ToMaster::Request(request) => request.tasks,
+            other => panic!("not a request: {other:?}"),
+        }
+    }
+
+    /// The next result; requests before it are skipped.
+    pub(crate) async fn result(&mut self) -> TaskResult {
+        loop {
+            match self.hear().await {
+                ToMaster::Result(result) => return result,
+                ToMaster::Request(_) => {}
+                other => panic!("not a result: {other:?}"),
+            }
+        }
+    }
+
+    pub(crate) async fn failed(&mut self) -> Failed {
+        loop {
+            match self.hear().await {
+                ToMaster::Failed(failed) => return failed,
+                ToMaster::Request(_) => {}
+                other => panic!("not a failure: {other:?}"),
+            }
+        }
+    }
+
+    pub(crate) async fn prepare(&mut self, path: &str) {
+        let scene = SceneRef {
+            path: path.to_owned(),
+            digest: None,
+        };
+        self.say(ToWorker::Prepare(Prepare { scene })).await;
+    }
+
+    pub(crate) async fn assign(&mut self, tasks: Vec<Task>, send_within: Option<Duration>) {
+        let send_within_us = send_within.map(|time| time.as_micros() as u64);
+        self.say(ToWorker::Assign(Assign {
+            frame: FrameId(1),
+            tasks,
+            send_within_us,
+        }))
+        .await;
+    }
+}
+
+pub(crate) fn settings() -> Settings {
+    Settings {
+        algorithm: Algorithm::Component,
+        width: 64,
+        height: 48,
+        groups: 4,
+        spp: 4,
+        vpls: 16,
+        vpl_sets: 4,
+        seed: 1,
+        geometry_clamp: None,
+        light_points: LightPoints::PerPass,
+    }
+}
+
+pub(crate) fn direct(group: u32, index: u32) -> Task {
+    Task {
+        component: Component::Direct,
+        group,
+        index,
+    }
+}
+
+/// Loads any path but `missing`. Each pixel takes the given time and shines as bright as its group.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grey {
+    pub(crate) pixel: Duration,
+}
+
+#[derive(Debug)]
+struct GreyFrame {
+    pixel: Duration,
+    settings: Settings,
+}
+
+/// A task of this index breaks the renderer.
+pub(crate) const BREAKING: u32 = 3;
+
+impl Renderer for Grey {
+    fn load(&self, path: &Path) -> anyhow::Result<LoadedScene> {
+        if path.ends_with("missing") {
+            bail!("no such file");
+        }
+        let (load, bvh) = (Duration::from_micros(7), Duration::from_micros(8));
+        Ok(LoadedScene {
+            scene: Arc::new(*self),
+            digest: None,
+            files: Vec::new(),
+            load,
+            bvh,
+        })
+    }
+}
+
+impl Scene for Grey {
+    fn set_up(&self, settings: &Settings, _: &[ByteBuf]) -> anyhow::Result<Arc<dyn FrameTasks>> {
+        if !settings.vpls.is_multiple_of(settings.vpl_sets) {
+            bail!("the VPLs cannot be divided");
+        }
+        Ok(Arc::new(GreyFrame {
+            pixel: self.pixel,
+            settings: settings.clone(),
+        }))
+    }
+}
+
+impl FrameTasks for GreyFrame {
+    fn has(&self, task: Task) -> bool {
+        task.group < self.settings.groups && task.index < self.settings.spp
+    }
+
+    fn render(&self, task: Task, stop: &mut dyn FnMut() -> bool) -> Output {
+        assert!(task.index != BREAKING, "this task is broken");
+        let all = self.settings.width * self.settings.height / self.settings.groups;
+        let mut output = Output::default();
+        while output.pixels < all && !stop() {
+            if !self.pixel.is_zero() {
+                std::thread::sleep(self.pixel);
+            }
+            output.pixels += 1;
+            output.radiance.extend([task.group as f32; 3]);
+            output.shadow_rays += 1;
+        }
+        output
+    }
+}
