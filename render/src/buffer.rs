@@ -68,13 +68,6 @@ pub enum BufferError {
     },
 }
 
-/// What the straightforward and the direct buffer know of a pixel: the mean, and of how many samples.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Mean {
-    pub(crate) radiance: Vec3,
-    pub(crate) samples: u32,
-}
-
 impl FrameBuffers {
     /// Empty buffers. Memory is taken when light arrives.
     pub fn new(settings: &Settings, groups: Arc<PixelGroups>) -> Self {
@@ -105,10 +98,7 @@ impl FrameBuffers {
                 floats: radiance.len(),
             });
         }
-        if let Some(place) = radiance
-            .iter()
-            .position(|&value| !(value >= 0.0 && value.is_finite()))
-        {
+        if let Some(place) = first_that_is_not_light(radiance) {
             return Err(BufferError::NotLight {
                 task,
                 pixel: place / per_pixel,
@@ -156,10 +146,14 @@ impl FrameBuffers {
         &self.groups
     }
 
-    /// Pixels with data in each group of the buffer of a VPL set.
-    pub(crate) fn set_prefixes(&self, set: u32) -> Vec<u32> {
-        let len = |pixels: &Option<Box<[Vec3]>>| pixels.as_ref().map_or(0, |pixels| pixels.len() as u32);
-        self.indirect[set as usize].iter().map(len).collect()
+    /// The direct light of a group: means and numbers of samples, of a beginning of its pixels.
+    pub(crate) fn direct_group(&self, group: u32) -> (impl ExactSizeIterator<Item = Vec3>, &[u32]) {
+        let DirectGroup { sums, counts, .. } = &self.direct[group as usize];
+        let means = sums.iter().zip(counts);
+        (
+            means.map(|(sum, &count)| (sum / f64::from(count)).as_vec3()),
+            counts,
+        )
     }
 
     /// The data of a VPL set for a group: a beginning of its pixels.
@@ -169,14 +163,9 @@ impl FrameBuffers {
             .unwrap_or_default()
     }
 
-    /// Direct light of a pixel by its place in a group.
-    pub(crate) fn direct_mean(&self, group: u32, place: usize) -> Mean {
-        self.direct[group as usize].mean(place)
-    }
-
-    /// Direct and indirect light of a pixel in the single buffer of the straightforward algorithm.
-    pub(crate) fn full(&self, group: u32, place: usize) -> Option<[Vec3; 2]> {
-        self.full[group as usize].as_ref()?.get(place).copied()
+    /// Direct and indirect light of a group in the single buffer of the straightforward algorithm.
+    pub(crate) fn full_group(&self, group: u32) -> &[[Vec3; 2]] {
+        self.full[group as usize].as_deref().unwrap_or_default()
     }
 }
 
@@ -211,16 +200,15 @@ impl DirectGroup {
             *count += 1;
         }
     }
+}
 
-    fn mean(&self, place: usize) -> Mean {
-        match self.counts.get(place) {
-            Some(&samples) => Mean {
-                radiance: (self.sums[place] / f64::from(samples)).as_vec3(),
-                samples,
-            },
-            None => Mean::default(),
-        }
-    }
+/// Negative numbers, NaN and infinity are not light. In blocks without early exit, which vectorise.
+fn first_that_is_not_light(radiance: &[f32]) -> Option<usize> {
+    let is_light = |value: f32| (0.0..f32::INFINITY).contains(&value);
+    let block = 1024;
+    let spoilt = |values: &[f32]| !values.iter().fold(true, |all, &value| all & is_light(value));
+    let first = radiance.chunks(block).position(spoilt)? * block;
+    Some(first + radiance[first..].iter().position(|&value| !is_light(value))?)
 }
 
 fn vectors(floats: &[f32]) -> impl Iterator<Item = Vec3> {
@@ -247,6 +235,11 @@ mod tests {
         FrameBuffers::new(&settings, Arc::new(PixelGroups::new(&settings)))
     }
 
+    fn first_pixel(buffers: &FrameBuffers) -> (Vec3, u32) {
+        let (mut means, counts) = buffers.direct_group(1);
+        (means.next().unwrap(), counts[0])
+    }
+
     fn direct(index: u32) -> Task {
         Task {
             component: Component::Direct,
@@ -264,10 +257,10 @@ mod tests {
                 buffers.add(direct(pass), &light(pass)).unwrap();
             }
             buffers.settle();
-            buffers.direct_mean(1, 0)
+            first_pixel(&buffers)
         };
         let forward = mean(&[0, 1, 2, 4, 5, 6, 7]);
-        assert_eq!(forward.samples, 7);
+        assert_eq!(forward.1, 7);
         assert_eq!(mean(&[7, 2, 5, 0, 6, 4, 1]), forward);
         assert_eq!(mean(&[1, 0, 7, 6, 5, 4, 2]), forward);
     }
@@ -300,12 +293,6 @@ mod tests {
             buffers.add(direct(0), &whole),
             Err(BufferError::Twice(_))
         ));
-        assert_eq!(
-            buffers.direct_mean(1, 5),
-            Mean {
-                radiance: Vec3::ONE,
-                samples: 1
-            }
-        );
+        assert_eq!(first_pixel(&buffers), (Vec3::ONE, 1));
     }
 }

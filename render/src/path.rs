@@ -3,19 +3,23 @@
 //! It shares the scene, its surface points and the choice of light points with the tasks, and nothing
 //! else. The emission of the first surface is left to the G-buffer, as it is for the tasks.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::{
     camera::Camera,
+    gbuffer::Aovs,
+    image::Picture,
     intersect::{SurfacePoint, TracedScene},
     light::{LightSampler, luminance},
+    reconstruct::{Coverage, Layer},
     sample::{
         Stream,
         sobol::{fold_seed, hash},
         warp::cosine_direction,
     },
-    scene::ImageSize,
 };
 
 /// Bounces before Russian roulette may end a path.
@@ -27,25 +31,26 @@ const SURVIVAL_MAX: f32 = 0.95;
 /// Sets the paths' numbers apart from those of other purposes.
 const SEED_PURPOSE: u32 = 0x676f_6c64;
 
-/// Light at one pixel or of a whole picture, by component; radiance in W·m⁻²·sr⁻¹.
+/// Light at one pixel, by component; radiance in W·m⁻²·sr⁻¹.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct PathRadiance {
-    /// One bounce from an emitter to the eye, by the surface's albedo.
-    pub direct: Vec3,
+struct PathRadiance {
+    /// One bounce from an emitter to the eye.
+    direct: Vec3,
     /// All further bounces.
-    pub indirect: Vec3,
+    indirect: Vec3,
 }
 
-/// Renders all pixel centres with `spp` paths each, `[height][width]`, with all cores.
+/// Renders the centres of all pixels with `spp` paths each, with all cores.
 ///
 /// `progress` is told the finished share of the rows, from any thread.
 pub fn path_trace(
     scene: &TracedScene,
-    size: ImageSize,
+    aovs: &Aovs,
     spp: u32,
     seed: u64,
     progress: &(dyn Fn(f32) + Sync),
-) -> Vec<PathRadiance> {
+) -> Picture {
+    let size = aovs.size;
     let tracer = PathTracer {
         scene,
         camera: Camera::new(&scene.scene().camera, size),
@@ -53,9 +58,9 @@ pub fn path_trace(
         spp,
         seed: fold_seed(seed, SEED_PURPOSE),
     };
-    let rows_done = std::sync::atomic::AtomicU32::new(0);
-    let mut picture = vec![PathRadiance::default(); size.pixel_count()];
-    picture
+    let rows_done = AtomicU32::new(0);
+    let mut pixels = vec![PathRadiance::default(); size.pixel_count()];
+    pixels
         .par_chunks_mut(size.width as usize)
         .enumerate()
         .for_each(|(y, row)| {
@@ -63,10 +68,15 @@ pub fn path_trace(
             for (x, pixel) in row.iter_mut().enumerate() {
                 *pixel = tracer.pixel(x as u32, y as u32);
             }
-            let done = 1 + rows_done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            let done = 1 + rows_done.fetch_add(1, Ordering::Relaxed);
             progress(done as f32 / size.height as f32);
         });
-    picture
+    let layer = |component: fn(&PathRadiance) -> Vec3| Layer {
+        radiance: pixels.par_iter().map(component).collect(),
+        samples: vec![spp; pixels.len()],
+    };
+    let (direct, indirect) = (layer(|pixel| pixel.direct), layer(|pixel| pixel.indirect));
+    Picture::from_components(aovs, direct, indirect, Coverage::default())
 }
 
 struct PathTracer<'a> {

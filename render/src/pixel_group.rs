@@ -72,10 +72,19 @@ impl PixelGroups {
     /// # Panics
     /// If there is no such group.
     pub fn pixels(&self, group: u32) -> &[u32] {
-        let group = group as usize;
-        assert!(group < self.groups, "group {group} of {}", self.groups);
-        let start = |g| group_start(self.order.len(), self.groups, g);
-        &self.order[start(group)..start(group + 1)]
+        assert!((group as usize) < self.groups, "group {group} of {}", self.groups);
+        &self.order[self.range(group)]
+    }
+
+    /// Row-major indices of all pixels, group after group.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// The places of a group's pixels in [`PixelGroups::order`].
+    pub fn range(&self, group: u32) -> std::ops::Range<usize> {
+        let start = |group: usize| group_start(self.order.len(), self.groups, group);
+        start(group as usize)..start(group as usize + 1)
     }
 
     /// Pixels in a chunk; the last one of a group may have fewer.

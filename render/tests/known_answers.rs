@@ -7,6 +7,7 @@ use std::{f32::consts::PI, sync::Arc};
 use glam::Vec3;
 use render::{
     frame::FrameRenderer,
+    gbuffer::trace_aovs,
     image::Picture,
     intersect::{BruteForce, TracedScene},
     path::path_trace,
@@ -37,6 +38,10 @@ fn furnace() -> Arc<TracedScene> {
         .build()
 }
 
+fn gold(scene: &TracedScene, spp: u32) -> Picture {
+    path_trace(scene, &trace_aovs(scene, SIZE), spp, 0, &|_| ())
+}
+
 fn assert_near(what: &str, value: f32, expected: f32, relative: f32) {
     assert!(
         (value / expected - 1.0).abs() < relative,
@@ -55,11 +60,9 @@ fn assert_same_bits(a: &[Vec3], b: &[Vec3]) {
 
 #[test]
 fn the_furnace_has_radiance_one_by_the_path_tracer() {
-    let picture = path_trace(&furnace(), SIZE, 256, 0, &|_| ());
-    let direct: Vec<Vec3> = picture.iter().map(|pixel| pixel.direct).collect();
-    let indirect: Vec<Vec3> = picture.iter().map(|pixel| pixel.indirect).collect();
-    assert_near("direct light", mean(&direct).x, 0.25, 0.005);
-    assert_near("indirect light", mean(&indirect).x, 0.25, 0.005);
+    let picture = gold(&furnace(), 256);
+    assert_near("direct light", mean(&picture.direct).x, 0.25, 0.005);
+    assert_near("indirect light", mean(&picture.indirect).x, 0.25, 0.005);
 }
 
 #[test]
@@ -107,10 +110,7 @@ fn floor_below_lamp() -> Arc<TracedScene> {
 fn a_square_light_lights_the_floor_as_the_formula_says() {
     let scene = floor_below_lamp();
     let expected = irradiance_below_square(0.5, 1.0) * 0.6 / PI;
-    let by_paths: Vec<Vec3> = path_trace(&scene, SIZE, 64, 0, &|_| ())
-        .iter()
-        .map(|p| p.direct)
-        .collect();
+    let by_paths = gold(&scene, 64).direct;
     assert_near("the path tracer's light", mean(&by_paths).x, expected, 0.002);
     assert_near("the path tracer's blue", mean(&by_paths).z, 3.0 * expected, 0.002);
     for light_points in [LightPoints::PerPass, LightPoints::PerPixel] {
@@ -128,7 +128,7 @@ fn a_square_light_lights_the_floor_as_the_formula_says() {
 #[test]
 fn many_vpls_converge_to_the_path_tracer() {
     let scene = room_with_lamp();
-    let gold = path_trace(&scene, SIZE, 512, 0, &|_| ());
+    let gold = gold(&scene, 512);
     let many = Settings {
         spp: 512,
         vpls: 16_384,
@@ -136,13 +136,9 @@ fn many_vpls_converge_to_the_path_tracer() {
         ..settings(Algorithm::Component)
     };
     let picture = picture(&scene, &many);
-    let gold = [
-        gold.iter().map(|p| p.direct).collect(),
-        gold.iter().map(|p| p.indirect).collect::<Vec<_>>(),
-    ];
     for (what, light, gold) in [
-        ("direct", &picture.direct, &gold[0]),
-        ("indirect", &picture.indirect, &gold[1]),
+        ("direct", &picture.direct, &gold.direct),
+        ("indirect", &picture.indirect, &gold.indirect),
     ] {
         let ratio = mean(light) / mean(gold);
         assert!(

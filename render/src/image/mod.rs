@@ -9,7 +9,11 @@ pub use png_file::{display_code, write_png};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::{gbuffer::Aovs, reconstruct::Coverage, scene::ImageSize};
+use crate::{
+    gbuffer::Aovs,
+    reconstruct::{Coverage, Layer},
+    scene::ImageSize,
+};
 
 /// A picture with its layers, each `[height][width]`, rows from the top; radiance in W·m⁻²·sr⁻¹.
 #[derive(Debug, Clone)]
@@ -50,27 +54,24 @@ pub enum WriteError {
 
 impl Picture {
     /// Adds the components and the emission of the first surfaces.
-    pub fn from_components(
-        aovs: &Aovs,
-        direct: Vec<Vec3>,
-        indirect: Vec<Vec3>,
-        samples_direct: Vec<u32>,
-        samples_indirect: Vec<u32>,
-        coverage: Coverage,
-    ) -> Self {
-        let light = aovs.emission.par_iter().zip(&direct).zip(&indirect);
+    pub(crate) fn from_components(aovs: &Aovs, direct: Layer, indirect: Layer, coverage: Coverage) -> Self {
+        let light = aovs
+            .emission
+            .par_iter()
+            .zip(&direct.radiance)
+            .zip(&indirect.radiance);
         Self {
             size: aovs.size,
             beauty: light
                 .map(|((&emission, &direct), &indirect)| emission + direct + indirect)
                 .collect(),
-            direct,
-            indirect,
+            direct: direct.radiance,
+            indirect: indirect.radiance,
             albedo: aovs.albedo.clone(),
             normal: aovs.normal.clone(),
             depth: aovs.depth.clone(),
-            samples_direct,
-            samples_indirect,
+            samples_direct: direct.samples,
+            samples_indirect: indirect.samples,
             coverage,
         }
     }

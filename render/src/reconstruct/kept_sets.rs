@@ -34,7 +34,8 @@ impl KeptSets {
     pub(super) fn choose(buffers: &FrameBuffers, min_set_percent: f32) -> Self {
         let pixels = buffers.settings().size.pixel_count() as f64;
         let share = |set: u32| {
-            let done: u64 = buffers.set_prefixes(set).into_iter().map(u64::from).sum();
+            let groups = 0..buffers.settings().groups;
+            let done: usize = groups.map(|group| buffers.set_group(set, group).len()).sum();
             done as f64 / pixels
         };
         let open: Vec<(u32, f64)> = (0..buffers.settings().vpl_sets)
