@@ -2,6 +2,7 @@
 //! cut-off and the deadline.
 
 #[path = "../tests/rooms/mod.rs"]
+#[expect(dead_code, reason = "the tests use more of it")]
 mod rooms;
 
 use std::{hint::black_box, io::Cursor, sync::Arc};
@@ -50,13 +51,13 @@ fn frame(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("frame");
     group.sample_size(10);
     group.bench_function("pixel groups", |b| {
-        b.iter(|| PixelGroups::new(black_box(&settings)))
+        b.iter(|| PixelGroups::new(black_box(&settings)));
     });
     group.bench_function("VPL sets", |b| {
-        b.iter(|| trace_sets(&scene, black_box(&settings)))
+        b.iter(|| trace_sets(&scene, black_box(&settings)));
     });
-    group.bench_function("AOVs", |b| b.iter(|| trace_aovs(&scene, black_box(size))));
-    group.bench_function("buffers", |b| b.iter(buffers));
+    group.bench_function("AOVs", |b| b.iter(|| trace_aovs(&scene, black_box(size))););
+    group.bench_function("buffers", |b| b.iter(buffers););
     group.bench_function("assemble", |b| {
         b.iter_batched(
             buffers,
