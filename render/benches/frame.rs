@@ -56,8 +56,12 @@ fn frame(criterion: &mut Criterion) {
     group.bench_function("VPL sets", |b| {
         b.iter(|| trace_sets(&scene, black_box(&settings)));
     });
-    group.bench_function("AOVs", |b| b.iter(|| trace_aovs(&scene, black_box(size))););
-    group.bench_function("buffers", |b| b.iter(buffers););
+    group.bench_function("AOVs", |b| {
+        b.iter(|| trace_aovs(&scene, black_box(size)));
+    });
+    group.bench_function("buffers", |b| {
+        b.iter(buffers);
+    });
     group.bench_function("assemble", |b| {
         b.iter_batched(
             buffers,
