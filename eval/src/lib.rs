@@ -1,1 +1,10 @@
-//! Judges pictures and schedulers: metrics, the virtual grid and the paper's experiments.
+//! Judges pictures: files → images → a pair of one size and encoding → metrics → table, JSON, maps.
+
+pub mod image_io;
+
+pub mod image;
+
+pub mod color;
+pub mod plane;
+
+pub mod metrics;
