@@ -152,11 +152,7 @@ impl<'a> Pair<'a> {
     ///
     /// If one is linear and the other encoded, the linear one is exposed, clipped and encoded, so
     /// that both are what a display would show.
-    pub fn new(
-        reference: &'a ImageRgb,
-        image: &'a ImageRgb,
-        exposure_stops: f64,
-    ) -> Result<Self, PairError> {
+    pub fn new(reference: &'a ImageRgb, image: &'a ImageRgb, exposure_stops: f64) -> Result<Self, PairError> {
         let (size, image_size) = (size(reference), size(image));
         if size != image_size {
             return Err(PairError::Sizes {
@@ -170,10 +166,7 @@ impl<'a> Pair<'a> {
         let (reference, image) = if reference.encoding == image.encoding {
             (Cow::Borrowed(reference), Cow::Borrowed(image))
         } else {
-            (
-                reference.encoded(exposure_stops),
-                image.encoded(exposure_stops),
-            )
+            (reference.encoded(exposure_stops), image.encoded(exposure_stops))
         };
         Ok(Self {
             reference,

@@ -83,12 +83,7 @@ fn hdr(change: Option<Change>) -> ImageRgb {
 
 /// Scores of each changed picture by a Python function `score(reference, image)`; none, and a line
 /// on stderr, where `python3` lacks the module that it needs.
-fn ask_python(
-    module: &str,
-    score: &str,
-    reference: &ImageRgb,
-    images: &[ImageRgb; 4],
-) -> Option<Vec<f64>> {
+fn ask_python(module: &str, score: &str, reference: &ImageRgb, images: &[ImageRgb; 4]) -> Option<Vec<f64>> {
     let import = Command::new("python3")
         .args(["-c", &format!("import {module}")])
         .output();
@@ -104,10 +99,7 @@ fn ask_python(
         std::fs::write(&path, bytes).expect("writing a picture");
         path
     };
-    let paths = std::iter::once(reference)
-        .chain(images)
-        .enumerate()
-        .map(write);
+    let paths = std::iter::once(reference).chain(images).enumerate().map(write);
     let whole = format!(
         "import sys, numpy as np\n\
          import {module}\n\
@@ -116,10 +108,7 @@ fn ask_python(
          reference, *images = map(load, sys.argv[1:])\n\
          for image in images: print(score(reference, image))"
     );
-    let output = Command::new("python3")
-        .args(["-c", &whole])
-        .args(paths)
-        .output();
+    let output = Command::new("python3").args(["-c", &whole]).args(paths).output();
     let output = output.expect("python3 was there a moment ago");
     let text = String::from_utf8_lossy(&output.stdout);
     let scores: Option<Vec<f64>> = text.lines().map(|line| line.parse().ok()).collect();

@@ -8,9 +8,7 @@
 use std::f64::consts::TAU;
 
 use eval::image::{Encoding, ImageRgb, Pair};
-use eval::metrics::vdp::{
-    Settings, SettingsError, Slopes, Viewing, VisibleDifferences, visible_differences,
-};
+use eval::metrics::vdp::{Settings, SettingsError, Slopes, Viewing, VisibleDifferences, visible_differences};
 
 const SIZE: usize = 192;
 
@@ -80,14 +78,7 @@ fn percent(reference: &ImageRgb, test: &ImageRgb) -> f64 {
 }
 
 fn largest(differences: &VisibleDifferences) -> f64 {
-    f64::from(
-        differences
-            .probability
-            .data
-            .iter()
-            .copied()
-            .fold(0.0, f32::max),
-    )
+    f64::from(differences.probability.data.iter().copied().fold(0.0, f32::max))
 }
 
 /// Sensitivity to `frequency` cycles per pixel at an angle, for an eye adapted to the grey field:
@@ -127,10 +118,7 @@ impl Grating {
     fn new(frequency: f64, degrees: f64) -> Self {
         let near_30 = (degrees.abs() - 30.0).abs() < 1.0 || (degrees.abs() - 150.0).abs() < 1.0;
         let near_60 = (degrees.abs() - 60.0).abs() < 1.0 || (degrees.abs() - 120.0).abs() < 1.0;
-        let size = (
-            if near_30 { 194 } else { 192 },
-            if near_60 { 194 } else { 192 },
-        );
+        let size = (if near_30 { 194 } else { 192 }, if near_60 { 194 } else { 192 });
         let (sin, cos) = degrees.to_radians().sin_cos();
         let cycles = (
             (size.0 as f64 * frequency * cos).round(),
@@ -193,11 +181,7 @@ fn a_change_of_chroma_at_equal_luminance_is_not_seen() {
     let mut tinted = field.clone();
     for (index, pixel) in tinted.data.iter_mut().enumerate() {
         let change = if index % 7 < 3 { 0.2_f32 } else { -0.2 };
-        *pixel = [
-            pixel[0] + change,
-            pixel[1] - change * 0.2126 / 0.7152,
-            pixel[2],
-        ];
+        *pixel = [pixel[0] + change, pixel[1] - change * 0.2126 / 0.7152, pixel[2]];
     }
     assert_eq!(percent(&field, &tinted), 0.0);
 }
@@ -269,8 +253,7 @@ fn more_blur_is_seen_more() {
             let taps = offsets
                 .clone()
                 .flat_map(|dy| offsets.clone().map(move |dx| (dx, dy)));
-            let values =
-                taps.map(|(dx, dy)| f64::from(sharp.data[wrap(y + dy) * SIZE + wrap(x + dx)][0]));
+            let values = taps.map(|(dx, dy)| f64::from(sharp.data[wrap(y + dy) * SIZE + wrap(x + dx)][0]));
             values.sum::<f64>() / f64::from((2 * radius + 1).pow(2))
         })
     };
@@ -347,9 +330,7 @@ fn elevation(test: Grating, mask: Grating) -> f64 {
     let masked = |x: f64, y: f64| GREY + mask.light(30.0, x, y);
     let reference = picture(width, height, masked);
     let seen = |multiple: f64| {
-        let shown = picture(width, height, |x, y| {
-            masked(x, y) + test.light(multiple, x, y)
-        });
+        let shown = picture(width, height, |x, y| masked(x, y) + test.light(multiple, x, y));
         largest(&compare(&reference, &shown)) > 0.5
     };
     let (mut low, mut high) = (0.1_f64, 100.0_f64);
@@ -393,10 +374,7 @@ fn fine_noise_fades_with_viewing_distance() {
         )
         .percent
     });
-    assert!(
-        percents.is_sorted_by(|near, far| near > far),
-        "{percents:?}"
-    );
+    assert!(percents.is_sorted_by(|near, far| near > far), "{percents:?}");
 }
 
 #[test]
@@ -419,10 +397,7 @@ fn noise_of_one_contrast_fades_with_luminance() {
         )
         .percent
     });
-    assert!(
-        percents.is_sorted_by(|bright, dim| bright > dim),
-        "{percents:?}"
-    );
+    assert!(percents.is_sorted_by(|bright, dim| bright > dim), "{percents:?}");
 }
 
 #[test]
@@ -478,9 +453,8 @@ fn several_slopes_at_once_give_what_each_gives_alone() {
     let clean = square(texture);
     let noisy = noisy(&clean, 0.1);
     let pair = Pair::new(&clean, &noisy, 0.0).expect("the sizes are equal");
-    let run = |slopes: &[Slopes]| {
-        visible_differences(&pair, &Settings::default(), slopes).expect("valid settings")
-    };
+    let run =
+        |slopes: &[Slopes]| visible_differences(&pair, &Settings::default(), slopes).expect("valid settings");
     let together = run(&Slopes::PUBLISHED);
     let alone: Vec<_> = Slopes::PUBLISHED
         .iter()
@@ -516,13 +490,7 @@ fn settings_that_make_no_sense_are_refused() {
         SettingsError::Display { .. }
     ));
     assert!(matches!(
-        check(
-            Viewing {
-                peak: 0.5,
-                ..viewing
-            },
-            1.0
-        ),
+        check(Viewing { peak: 0.5, ..viewing }, 1.0),
         SettingsError::Display { .. }
     ));
     assert!(matches!(
@@ -553,13 +521,7 @@ fn odd_sizes_work() {
     for (width, height) in [(1, 1), (7, 1), (1, 9), (31, 53), (101, 64)] {
         let reference = picture(width, height, texture);
         let result = compare(&reference, &noisy(&reference, 0.2));
-        assert!(
-            result
-                .probability
-                .data
-                .iter()
-                .all(|p| (0.0..=1.0).contains(p))
-        );
+        assert!(result.probability.data.iter().all(|p| (0.0..=1.0).contains(p)));
     }
 }
 

@@ -139,11 +139,7 @@ fn luminance(image: &ImageRgb) -> Vec<f64> {
         let [r, g, b] = p.map(|value| f64::from(value).clamp(0.0, 1.0));
         0.2126 * r + 0.7152 * g + 0.0722 * b
     };
-    image
-        .data
-        .iter()
-        .map(|pixel| 0.8 + 99.2 * y(pixel))
-        .collect()
+    image.data.iter().map(|pixel| 0.8 + 99.2 * y(pixel)).collect()
 }
 
 fn sensitivity(rho: f64, theta: f64, la: f64, area: f64) -> f64 {
@@ -202,9 +198,7 @@ fn probabilities(reference: &ImageRgb, test: &ImageRgb, slopes: [f64; 6], blur: 
                 spectrum.times(|fx, fy| low_pass(fx.hypot(fy))).image()
             });
             for (pixel, miss) in miss.iter_mut().enumerate() {
-                let threshold = thresholds[0][pixel]
-                    .max(1.0)
-                    .min(thresholds[1][pixel].max(1.0));
+                let threshold = thresholds[0][pixel].max(1.0).min(thresholds[1][pixel].max(1.0));
                 let difference = (signals[1][pixel] - signals[0][pixel]).abs();
                 *miss *= (-(difference / threshold).powf(3.5)).exp();
             }
@@ -258,10 +252,7 @@ fn check((width, height): (usize, usize), slopes: Slopes, phase_uncertainty: boo
     );
     for (pixel, (ours, expected)) in ours[0].probability.data.iter().zip(&expected).enumerate() {
         let error = (f64::from(*ours) - expected).abs();
-        assert!(
-            error < 1e-4,
-            "{ours} instead of {expected} at pixel {pixel}"
-        );
+        assert!(error < 1e-4, "{ours} instead of {expected} at pixel {pixel}");
     }
 }
 

@@ -31,21 +31,14 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<ImageRgb, Faul
         .from_buffered(Cursor::new(bytes))
         .map_err(Fault::damaged)?;
     let part = image.layer_data.get(part);
-    part.and_then(|part| rgb(part, &channels)).ok_or_else(|| {
-        Fault::damaged("its channels are subsampled or differ from what its header says")
-    })
+    part.and_then(|part| rgb(part, &channels))
+        .ok_or_else(|| Fault::damaged("its channels are subsampled or differ from what its header says"))
 }
 
 /// The first part that has all three channels, and their names in it.
 fn find(headers: &[Header], layer: Option<&str>) -> Result<(usize, [String; 3]), Fault> {
     for (part, header) in headers.iter().enumerate() {
-        let has = |name: &String| {
-            header
-                .channels
-                .list
-                .iter()
-                .any(|c| c.name == *name.as_str())
-        };
+        let has = |name: &String| header.channels.list.iter().any(|c| c.name == *name.as_str());
         for prefix in prefixes(header, layer) {
             let names = RGB.map(|channel| format!("{prefix}{channel}"));
             if names.iter().all(has) {
@@ -79,11 +72,7 @@ fn prefixes(header: &Header, layer: Option<&str>) -> Vec<String> {
 }
 
 fn part_name(header: &Header) -> Option<String> {
-    header
-        .own_attributes
-        .layer_name
-        .as_ref()
-        .map(Text::to_string)
+    header.own_attributes.layer_name.as_ref().map(Text::to_string)
 }
 
 /// Channel names with the name of their part, if it has one and the channel no layer of its own.
@@ -128,9 +117,7 @@ fn rgb(part: &Layer<AnyChannels<FlatSamples>>, names: &[String; 3]) -> Option<Im
 #[expect(clippy::float_cmp, reason = "half floats come back as they went")]
 mod tests {
     use super::*;
-    use exr::prelude::{
-        AnyChannel, Encoding as ExrEncoding, Image, LayerAttributes, WritableImage,
-    };
+    use exr::prelude::{AnyChannel, Encoding as ExrEncoding, Image, LayerAttributes, WritableImage};
     use exr::prelude::{ImageAttributes, IntegerBounds, f16};
 
     /// A part of 2 × 1 pixels whose channels hold their place in the list, and that plus 0.5.
@@ -157,10 +144,7 @@ mod tests {
         let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((2, 1)));
         let mut bytes = Cursor::new(Vec::new());
         let image = Image::from_layers(attributes, parts);
-        image
-            .write()
-            .to_buffered(&mut bytes)
-            .expect("writing to memory");
+        image.write().to_buffered(&mut bytes).expect("writing to memory");
         bytes.into_inner()
     }
 

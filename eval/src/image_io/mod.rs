@@ -91,10 +91,7 @@ enum Fault {
 }
 
 impl Fault {
-    #[expect(
-        clippy::needless_pass_by_value,
-        reason = "map_err passes errors by value"
-    )]
+    #[expect(clippy::needless_pass_by_value, reason = "map_err passes errors by value")]
     fn damaged(reason: impl ToString) -> Self {
         Self::Damaged(reason.to_string())
     }
@@ -122,16 +119,8 @@ pub fn read(path: &Path, layer: Option<&str>) -> Result<ImageRgb, ReadError> {
     decode(&bytes, layer).map_err(|fault| {
         let path = path.into();
         match fault {
-            Fault::Damaged(reason) => ReadError::Damaged {
-                path,
-                format,
-                reason,
-            },
-            Fault::TooLarge(width, height) => ReadError::TooLarge {
-                path,
-                width,
-                height,
-            },
+            Fault::Damaged(reason) => ReadError::Damaged { path, format, reason },
+            Fault::TooLarge(width, height) => ReadError::TooLarge { path, width, height },
             Fault::Channels { missing, present } => ReadError::Channels {
                 path,
                 missing,

@@ -12,8 +12,7 @@ pub(super) const NAME: &str = "PNG";
 
 /// Code values divided by the largest code; grey becomes three equal channels.
 pub(super) fn decode(bytes: &[u8]) -> Result<ImageRgb, Fault> {
-    let decoder =
-        image::codecs::png::PngDecoder::new(Cursor::new(bytes)).map_err(Fault::damaged)?;
+    let decoder = image::codecs::png::PngDecoder::new(Cursor::new(bytes)).map_err(Fault::damaged)?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
     check_size(width, height)?;

@@ -20,9 +20,7 @@ pub(super) fn rows(plane: &Plane, kernel: &[f32]) -> Plane {
         padded[..radius].fill(row[0]);
         padded[radius..][..row.len()].copy_from_slice(row);
         padded[radius + row.len()..].fill(row[row.len() - 1]);
-        let shifted: Vec<_> = (0..kernel.len())
-            .map(|tap| &padded[tap..][..row.len()])
-            .collect();
+        let shifted: Vec<_> = (0..kernel.len()).map(|tap| &padded[tap..][..row.len()]).collect();
         weighted_sum(out, kernel, &shifted);
     }
     filtered
@@ -70,11 +68,7 @@ mod tests {
     fn every_output_is_the_weighted_sum_of_its_neighbours() {
         let (width, height) = (37, 5);
         let data = (0..width * height).map(|i| (i * i % 17) as f32).collect();
-        let plane = Plane {
-            width,
-            height,
-            data,
-        };
+        let plane = Plane { width, height, data };
         let (horizontal, vertical) = ([1.0, 2.0, -4.0, 8.0, 16.0], [3.0, 5.0, -7.0]);
         let filtered = separable(&plane, &horizontal, &vertical);
         let at = |x: usize, y: usize, dx: usize, dy: usize| {

@@ -35,8 +35,7 @@ pub fn relative_error_map(pair: &Pair<'_>) -> Plane {
     let both = pair.reference().data.iter().zip(&pair.image().data);
     let error = |(reference, image): (&[f32; 3], &[f32; 3])| {
         let channels = reference.iter().zip(image);
-        let squares =
-            channels.map(|(&reference, &image)| relative_square(reference.into(), image.into()));
+        let squares = channels.map(|(&reference, &image)| relative_square(reference.into(), image.into()));
         (squares.sum::<f64>() / 3.0).sqrt() as f32
     };
     Plane {
@@ -81,10 +80,7 @@ mod tests {
         let reference = image(vec![[0.5, 0.25, 0.0], [1.0, 1.0, 1.0]]);
         let test = image(vec![[0.5, 0.5, 0.1], [1.0, 1.0, 3.0]]);
         let value = metric(&Pair::new(&reference, &test, stops).expect("one size"));
-        assert!(
-            (value - expected).abs() < 1e-6,
-            "{value} instead of {expected}"
-        );
+        assert!((value - expected).abs() < 1e-6, "{value} instead of {expected}");
     }
 
     #[test]

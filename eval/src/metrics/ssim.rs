@@ -36,8 +36,7 @@ pub fn ssim(pair: &Pair<'_>) -> Option<Ssim> {
     let window = window();
     let local_mean = |plane: &Plane| separable(plane, &window, &window);
     let (mean_x, mean_y) = (local_mean(&x), local_mean(&y));
-    let [xx, yy, xy] =
-        [(&x, &x), (&y, &y), (&x, &y)].map(|(a, b)| local_mean(&a.zip_map(b, |a, b| a * b)));
+    let [xx, yy, xy] = [(&x, &x), (&y, &y), (&x, &y)].map(|(a, b)| local_mean(&a.zip_map(b, |a, b| a * b)));
 
     let similarity = |pixel: usize| {
         let (mx, my) = (mean_x.data[pixel], mean_y.data[pixel]);

@@ -79,11 +79,7 @@ mod tests {
         for rgb in [[0.2, 0.9, 0.4], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]] {
             check(displayable_rgb(opponent(rgb)), rgb, 1e-5);
         }
-        check(
-            displayable_rgb(opponent([2.0, -1.0, 0.5])),
-            [1.0, 0.0, 0.5],
-            1e-5,
-        );
+        check(displayable_rgb(opponent([2.0, -1.0, 0.5])), [1.0, 0.0, 0.5], 1e-5);
     }
 
     #[test]

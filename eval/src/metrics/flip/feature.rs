@@ -31,9 +31,7 @@ impl Features {
     pub(super) fn difference(&self, other: &Self) -> Plane {
         let edges = self.edges.zip_map(&other.edges, |a, b| (a - b).abs());
         let points = self.points.zip_map(&other.points, |a, b| (a - b).abs());
-        edges.zip_map(&points, |edge, point| {
-            (edge.max(point) / f32::sqrt(2.0)).sqrt()
-        })
+        edges.zip_map(&points, |edge, point| (edge.max(point) / f32::sqrt(2.0)).sqrt())
     }
 }
 
@@ -44,9 +42,7 @@ fn kernels(pixels_per_degree: f64) -> [Vec<f32>; 3] {
     let radius = (3.0 * deviation).ceil() as i32;
     let sample = |f: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {
         let at = |x: f64| f(x, (-x * x / (2.0 * deviation * deviation)).exp());
-        (-radius..=radius)
-            .map(|pixels| at(f64::from(pixels)))
-            .collect()
+        (-radius..=radius).map(|pixels| at(f64::from(pixels))).collect()
     };
     [
         normalised(&sample(&|_, gauss| gauss)),
@@ -58,12 +54,7 @@ fn kernels(pixels_per_degree: f64) -> [Vec<f32>; 3] {
 }
 
 fn normalised(values: &[f64]) -> Vec<f32> {
-    let sum_of = |sign: f64| {
-        values
-            .iter()
-            .map(|value| (value * sign).max(0.0))
-            .sum::<f64>()
-    };
+    let sum_of = |sign: f64| values.iter().map(|value| (value * sign).max(0.0)).sum::<f64>();
     let (positive, negative) = (sum_of(1.0), sum_of(-1.0));
     let scale = |value: f64| value / if value < 0.0 { negative } else { positive };
     values.iter().map(|&value| scale(value) as f32).collect()

@@ -49,8 +49,7 @@ fn blur_plane(plane: &Plane, gaussians: Gaussians, pixels_per_degree: f64) -> Pl
         .map(|&(_, b)| kernel(b, pixels_per_degree))
         .collect();
     // The volume of each Gaussian under the square of the kernel, which normalisation took out.
-    let volume =
-        |(&(a, b), (_, sum)): (&(f64, f64), &(Vec<f32>, f64))| a * (PI / b).sqrt() * sum * sum;
+    let volume = |(&(a, b), (_, sum)): (&(f64, f64), &(Vec<f32>, f64))| a * (PI / b).sqrt() * sum * sum;
     let volumes: Vec<_> = gaussians.iter().zip(&kernels).map(volume).collect();
     let total: f64 = volumes.iter().sum();
 
@@ -70,10 +69,7 @@ fn kernel(b: f64, pixels_per_degree: f64) -> (Vec<f32>, f64) {
     let values: Vec<_> = degrees.map(|x| (-PI * PI * x * x / b).exp()).collect();
     let sum: f64 = values.iter().sum();
     (
-        values
-            .into_iter()
-            .map(|value| (value / sum) as f32)
-            .collect(),
+        values.into_iter().map(|value| (value / sum) as f32).collect(),
         sum,
     )
 }

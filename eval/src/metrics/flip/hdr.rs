@@ -62,8 +62,7 @@ impl Exposures {
 pub(super) fn largest(pair: &Pair<'_>, exposures: Exposures, pixels_per_degree: f64) -> Plane {
     let (width, height) = (pair.width(), pair.height());
     let at_exposure = |stops: f64| {
-        let [reference, image] =
-            [pair.reference(), pair.image()].map(|image| tone_mapped(image, stops));
+        let [reference, image] = [pair.reference(), pair.image()].map(|image| tone_mapped(image, stops));
         ldr::difference(width, &reference, &image, pixels_per_degree)
     };
     // The maximum is the same in any order.
@@ -123,12 +122,7 @@ mod tests {
 
     #[test]
     fn the_tone_mapper_takes_any_light_to_a_displayable_value() {
-        for (light, expected) in [
-            (-1.0, 0.0),
-            (f64::NAN, 0.0),
-            (1e30, 1.0),
-            (f64::INFINITY, 1.0),
-        ] {
+        for (light, expected) in [(-1.0, 0.0), (f64::NAN, 0.0), (1e30, 1.0), (f64::INFINITY, 1.0)] {
             assert!((tone_map(light) - expected).abs() < 1e-9, "{light}");
         }
     }

@@ -22,12 +22,7 @@ struct Seen {
 /// FLIP of encoded pictures at each pixel.
 pub(super) fn encoded(pair: &Pair<'_>, pixels_per_degree: f64) -> Plane {
     let (reference, image) = (pair.reference().linear(), pair.image().linear());
-    difference(
-        pair.width(),
-        &reference.data,
-        &image.data,
-        pixels_per_degree,
-    )
+    difference(pair.width(), &reference.data, &image.data, pixels_per_degree)
 }
 
 /// FLIP of pictures of linear RGB at each pixel, 0..1.

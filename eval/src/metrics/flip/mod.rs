@@ -39,10 +39,7 @@ pub fn flip(pair: &Pair<'_>, pixels_per_degree: f64) -> Flip {
         Encoding::Encoded => (ldr::encoded(pair, pixels_per_degree), None),
         Encoding::Linear => {
             let exposures = Exposures::of(pair.reference());
-            (
-                hdr::largest(pair, exposures, pixels_per_degree),
-                Some(exposures),
-            )
+            (hdr::largest(pair, exposures, pixels_per_degree), Some(exposures))
         }
     };
     Flip {

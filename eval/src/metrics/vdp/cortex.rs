@@ -44,9 +44,7 @@ impl Cortex {
         let radial = |gain: &dyn Fn(f64) -> f64| filter(&|fx, fy| gain(fx.hypot(fy)));
         let mut low_pass: Vec<_> = (0..BANDS - 1).map(|k| radial(&|f| mesa(k, f))).collect();
         low_pass.push(radial(&base));
-        let fans = (1..=FANS)
-            .map(|l| filter(&|fx, fy| fan_at(l, fx, fy)))
-            .collect();
+        let fans = (1..=FANS).map(|l| filter(&|fx, fy| fan_at(l, fx, fy))).collect();
         Self { low_pass, fans }
     }
 
@@ -149,10 +147,7 @@ mod tests {
     use super::*;
 
     fn check(value: f64, expected: f64) {
-        assert!(
-            (value - expected).abs() < 5e-7,
-            "{value} instead of {expected}"
-        );
+        assert!((value - expected).abs() < 5e-7, "{value} instead of {expected}");
     }
 
     #[test]

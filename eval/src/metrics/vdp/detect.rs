@@ -26,12 +26,7 @@ impl Detection {
     /// Masking is mutual: the lower threshold of the two counts, but at least 1.
     pub(super) fn add_channel(&mut self, difference: &[f32], thresholds: [&[f32]; 2]) {
         let [reference, test] = thresholds;
-        let pixels = self
-            .sums
-            .iter_mut()
-            .zip(difference)
-            .zip(reference)
-            .zip(test);
+        let pixels = self.sums.iter_mut().zip(difference).zip(reference).zip(test);
         for (((sum, difference), reference), test) in pixels {
             let threshold = reference.min(*test).max(1.0);
             *sum += psychometric_power(difference.abs() / threshold);

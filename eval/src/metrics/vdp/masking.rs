@@ -27,10 +27,7 @@ impl Slopes {
     pub const PUBLISHED: [Self; 3] = [Self::ONE, Self::NINE_TENTHS, Self::PER_BAND];
 
     pub(super) fn check(&self) -> Result<(), SettingsError> {
-        let wrong = self
-            .0
-            .into_iter()
-            .find(|slope| !(0.0..=2.0).contains(slope));
+        let wrong = self.0.into_iter().find(|slope| !(0.0..=2.0).contains(slope));
         wrong.map_or(Ok(()), |slope| Err(SettingsError::Slope(slope)))
     }
 }
@@ -71,9 +68,7 @@ impl Elevation {
         if is_one {
             Self::Linear
         } else {
-            Self::Power {
-                slope: slope as f32,
-            }
+            Self::Power { slope: slope as f32 }
         }
     }
 

@@ -168,11 +168,7 @@ pub fn visible_differences(
         };
         conclude(slopes, probability, &identical, settings.zero_identical)
     };
-    Ok(slopes
-        .iter()
-        .zip(observer.detect(slopes))
-        .map(conclude)
-        .collect())
+    Ok(slopes.iter().zip(observer.detect(slopes)).map(conclude).collect())
 }
 
 /// Counts the pixels where a difference is seen.

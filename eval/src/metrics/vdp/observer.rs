@@ -44,8 +44,7 @@ impl Observer {
             let reference = contrast(*reference);
             (reference as f32, (contrast(*test) - reference) as f32)
         };
-        let (reference, difference): (Vec<_>, Vec<_>) =
-            reference.iter().zip(test).map(seen).unzip();
+        let (reference, difference): (Vec<_>, Vec<_>) = reference.iter().zip(test).map(seen).unzip();
 
         let mut transform = Transform::new(width, height);
         let sensitivity = sensitivity((width, height), adaptation, &settings.viewing);
@@ -84,9 +83,7 @@ impl Observer {
         let mut detections: Vec<_> = slopes.iter().map(|_| Detection::nothing(pixels)).collect();
         for band in 0..BANDS {
             let elevations = elevations(slopes, band);
-            let blur = self
-                .phase_uncertainty
-                .then(|| cortex.phase_uncertainty(band));
+            let blur = self.phase_uncertainty.then(|| cortex.phase_uncertainty(band));
             for channel in cortex.channels(band) {
                 transform.channel(&self.reference, &channel, &mut signals.reference);
                 transform.channel(&self.difference, &channel, &mut signals.difference);
@@ -103,12 +100,7 @@ impl Observer {
 }
 
 impl Signals {
-    fn raise_thresholds(
-        &mut self,
-        elevation: &Elevation,
-        blur: Option<&Filter>,
-        transform: &mut Transform,
-    ) {
+    fn raise_thresholds(&mut self, elevation: &Elevation, blur: Option<&Filter>, transform: &mut Transform) {
         let reference = self.reference.iter().copied();
         let test = reference
             .clone()

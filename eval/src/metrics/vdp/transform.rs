@@ -28,9 +28,8 @@ pub(super) fn frequencies(width: usize, height: usize) -> impl Iterator<Item = (
         };
         signed / height as f64
     };
-    (0..=width / 2).flat_map(move |column| {
-        (0..height).map(move |row| (column as f64 / width as f64, vertical(row)))
-    })
+    (0..=width / 2)
+        .flat_map(move |column| (0..height).map(move |row| (column as f64 / width as f64, vertical(row))))
 }
 
 /// A real factor for every frequency of a spectrum, symmetric in the vertical frequency.
@@ -98,13 +97,10 @@ pub(super) struct Transform {
 impl Transform {
     pub(super) fn new(width: usize, height: usize) -> Self {
         let mut real = RealFftPlanner::new();
-        let (row_forward, row_inverse) =
-            (real.plan_fft_forward(width), real.plan_fft_inverse(width));
+        let (row_forward, row_inverse) = (real.plan_fft_forward(width), real.plan_fft_inverse(width));
         let mut complex = FftPlanner::new();
-        let (column_forward, column_inverse) = (
-            complex.plan_fft_forward(height),
-            complex.plan_fft_inverse(height),
-        );
+        let (column_forward, column_inverse) =
+            (complex.plan_fft_forward(height), complex.plan_fft_inverse(height));
         let scratch_len = [
             row_forward.get_scratch_len(),
             row_inverse.get_scratch_len(),
@@ -135,20 +131,13 @@ impl Transform {
     }
 
     /// What a channel sees of a spectrum, as an image.
-    pub(super) fn channel(
-        &mut self,
-        spectrum: &[Complex32],
-        channel: &Channel<'_>,
-        image: &mut [f32],
-    ) {
+    pub(super) fn channel(&mut self, spectrum: &[Complex32], channel: &Channel<'_>, image: &mut [f32]) {
         let scale = 1.0 / (self.width * self.height) as f32;
         let columns = self.columns.chunks_exact_mut(self.height);
         let spectra = spectrum.chunks_exact(self.height);
         for (index, (column, spectrum)) in columns.zip(spectra).enumerate() {
             if channel.passes[index] {
-                for ((value, seen), gain) in
-                    column.iter_mut().zip(spectrum).zip(channel.gains(index))
-                {
+                for ((value, seen), gain) in column.iter_mut().zip(spectrum).zip(channel.gains(index)) {
                     *value = seen * (gain * scale);
                 }
                 self.column_inverse
@@ -191,11 +180,9 @@ impl Transform {
             for (row, spectrum) in block.chunks_exact(self.width).zip(row_spectra) {
                 self.row.copy_from_slice(row);
                 // Fails only for wrong lengths.
-                let done = self.row_forward.process_with_scratch(
-                    &mut self.row,
-                    spectrum,
-                    &mut self.scratch,
-                );
+                let done = self
+                    .row_forward
+                    .process_with_scratch(&mut self.row, spectrum, &mut self.scratch);
                 debug_assert!(done.is_ok());
             }
             let row_count = block.len() / self.width;
