@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 /// While it lives, the current thread treats numbers below 1.2·10⁻³⁸ as zero,
 /// as operands and as results. Embree's traversal is written for this mode:
-/// without it a ray among denormal numbers costs a hundred times more ("Embree
+/// without it, denormal numbers "can significantly reduce" its speed ("Embree
 /// API", section "MXCSR control and status register").
 ///
 /// Take one at the start of each tracing thread and keep it to the end. Does

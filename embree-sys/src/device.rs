@@ -3,7 +3,7 @@
 use std::{
     ffi::{CStr, CString, c_char, c_void},
     num::NonZeroUsize,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
 use crate::{
@@ -57,17 +57,20 @@ pub enum PacketWidth {
 #[derive(Debug)]
 struct Shared {
     handle: RTCDevice,
-    /// Boxed, because Embree keeps its address.
-    messages: Box<Messages>,
+    /// Held by the one thread that builds a scene.
+    building: Mutex<()>,
+    /// Counted, so that it stays where it is: Embree keeps its address.
+    messages: Arc<Messages>,
 }
 
-/// Embree's words about its latest error. Codes are kept by Embree per thread;
-/// should two threads fail at the same time, their words may be swapped.
+/// Embree's words about its latest error.
 #[derive(Debug, Default)]
 struct Messages(Mutex<String>);
 
-// SAFETY: Embree's calls on a device may come from any thread, also at the same
-// time ("Embree API", rtcNewDevice and section "Thread safety").
+// SAFETY: Embree's objects belong to no thread. Calls on the same object must not
+// happen at the same time unless their page allows it ("Embree API",
+// introduction): those that make objects are kept apart by `building`, the
+// others read a property that never changes or an error kept per thread.
 unsafe impl Send for Shared {}
 // SAFETY: as above.
 unsafe impl Sync for Shared {}
@@ -99,15 +102,19 @@ impl Device {
         }
 
         // Before anything else, so that no message gets lost.
-        let messages = Box::<Messages>::default();
-        let user_data = (&raw const *messages).cast_mut().cast::<c_void>();
+        let messages = Arc::<Messages>::default();
+        let user_data = Arc::as_ptr(&messages).cast_mut().cast::<c_void>();
         // SAFETY: `record_error` expects a `Messages`, which `Shared` keeps
         // alive until the device is released ("Embree API",
         // rtcSetDeviceErrorFunction).
         unsafe { raw::rtcSetDeviceErrorFunction(handle, Some(record_error), user_data) };
 
         let device = Self {
-            shared: Arc::new(Shared { handle, messages }),
+            shared: Arc::new(Shared {
+                handle,
+                building: Mutex::default(),
+                messages,
+            }),
         };
         let found = device.property(RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION);
         if found / 10_000 == 4 {
@@ -144,6 +151,14 @@ impl Device {
 
     pub(crate) fn handle(&self) -> RTCDevice {
         self.shared.handle
+    }
+
+    /// Keeps every other thread from making objects of this device.
+    pub(crate) fn build_alone(&self) -> MutexGuard<'_, ()> {
+        self.shared
+            .building
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The error of this thread's calls on the device since the last check, if

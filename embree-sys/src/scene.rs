@@ -62,11 +62,13 @@ struct Shared {
     /// Read by Embree through the handle; Rust drops fields after `Shared`
     /// itself, so they outlive it.
     meshes: Vec<TriangleMesh>,
+    bounds: Option<Bounds>,
     device: Device,
 }
 
-// SAFETY: a committed scene may be traced from any thread, also at the same time
-// ("Embree API", rtcCommitScene), and nothing here changes it after `commit`.
+// SAFETY: rays may be traced through a committed scene from any number of threads
+// at the same time ("Embree API", introduction), and nothing here changes it
+// after `commit`.
 unsafe impl Send for Scene {}
 // SAFETY: as above.
 unsafe impl Sync for Scene {}
@@ -125,11 +127,15 @@ impl SceneBuilder {
         Ok(GeometryId(id))
     }
 
-    /// Builds the scene, in Embree's own threads, and waits for it.
+    /// Builds the scene, in Embree's own threads, and waits for it. Scenes of one
+    /// device are built one after the other.
     ///
     /// # Errors
     /// [`Error::Embree`], usually for want of memory.
     pub fn commit(self) -> Result<Scene, Error> {
+        let device = self.device.clone();
+        let _alone = device.build_alone();
+
         // SAFETY: the device is live ("Embree API", rtcNewScene); NULL is
         // handled next.
         let handle = unsafe { raw::rtcNewScene(self.device.handle()) };
@@ -137,9 +143,10 @@ impl SceneBuilder {
             return Err(self.device.failure("making a scene"));
         }
         // From here on an early return releases the scene.
-        let shared = Shared {
+        let mut shared = Shared {
             handle,
             meshes: self.meshes,
+            bounds: None,
             device: self.device,
         };
 
@@ -158,6 +165,7 @@ impl SceneBuilder {
         // API", rtcCommitScene).
         unsafe { raw::rtcCommitScene(handle) };
         shared.device.check("building the scene")?;
+        shared.bounds = bounds_of(handle);
         Ok(Scene {
             handle,
             shared: Arc::new(shared),
@@ -249,13 +257,7 @@ impl Scene {
 
     /// The box around all triangles; `None` if there are none.
     pub fn bounds(&self) -> Option<Bounds> {
-        let mut bounds = RTCBounds::default();
-        // SAFETY: the scene is committed, the result on our stack and aligned by
-        // its type ("Embree API", rtcGetSceneBounds).
-        unsafe { raw::rtcGetSceneBounds(self.handle, &raw mut bounds) };
-        let min = [bounds.lower_x, bounds.lower_y, bounds.lower_z];
-        let max = [bounds.upper_x, bounds.upper_y, bounds.upper_z];
-        (min[0] <= max[0]).then_some(Bounds { min, max })
+        self.shared.bounds
     }
 
     /// The meshes, in the order of their [`GeometryId`]s.
@@ -285,6 +287,18 @@ impl BuildQuality {
             Self::High => RTCBuildQuality::RTC_BUILD_QUALITY_HIGH,
         }
     }
+}
+
+fn bounds_of(committed: RTCScene) -> Option<Bounds> {
+    let mut bounds = RTCBounds::default();
+    // SAFETY: the caller's scene is live, committed and not yet seen by another
+    // thread; the result is on our stack and aligned by its type ("Embree API",
+    // rtcGetSceneBounds).
+    unsafe { raw::rtcGetSceneBounds(committed, &raw mut bounds) };
+    let min = [bounds.lower_x, bounds.lower_y, bounds.lower_z];
+    let max = [bounds.upper_x, bounds.upper_y, bounds.upper_z];
+    // Embree turns the bounds of nothing inside out.
+    (min[0] <= max[0]).then_some(Bounds { min, max })
 }
 
 fn scene_flags(robust: bool, compact: bool) -> RTCSceneFlags {
