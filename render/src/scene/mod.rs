@@ -1,11 +1,13 @@
 //! A scene as plain data: triangles, materials, textures, emitters and the camera's pose.
 
 mod emitter;
+pub mod load;
 mod material;
 mod mesh;
 mod texture;
 
 pub use emitter::{Emitter, EmitterShape};
+pub use load::{LoadOptions, LoadedScene, Note, SceneError, load};
 pub use material::Material;
 pub use mesh::TriangleMesh;
 pub use texture::{Texture, Wrap};
@@ -14,7 +16,7 @@ use glam::Vec3;
 
 /// Everything that is needed to make a picture, in world space.
 ///
-/// Lengths are scene units. A scene that [`load`](crate::scene) accepted has at least one triangle and
+/// Lengths are scene units. A scene that [`load`](fn@load) accepted has at least one triangle and
 /// one emitter, only finite numbers, and only indices in range.
 #[derive(Debug, Clone)]
 pub struct Scene {
