@@ -154,6 +154,12 @@ impl<M: Message, S: AsyncWrite + Unpin> Writer<M, S> {
         Ok(self.flush().await?)
     }
 
+    /// Flushes, and tells the peer that nothing more comes.
+    pub async fn shutdown(&mut self) -> io::Result<()> {
+        self.flush().await?;
+        self.stream.shutdown().await
+    }
+
     /// Drops the envelopes of which the last byte is written.
     fn forget(&mut self, count: usize) {
         self.written += count;

@@ -425,6 +425,15 @@ pub fn text(text: impl Into<String>) -> String {
     text
 }
 
+/// A digest's bytes as messages have them: lower-case hexadecimal.
+pub fn digest_text(digest: &[u8]) -> String {
+    const DIGITS: &[u8; 16] = b"0123456789abcdef";
+    let digits = digest.iter().flat_map(|byte| [byte >> 4, byte & 15]);
+    digits
+        .map(|digit| char::from(DIGITS[usize::from(digit)]))
+        .collect()
+}
+
 mod sealed {
     pub trait Sealed {}
     impl Sealed for super::ToMaster {}
@@ -485,6 +494,11 @@ mod tests {
             result(limits::GROUP_PIXELS + 1, 0).check().unwrap_err().what,
             "result.pixels"
         );
+    }
+
+    #[test]
+    fn a_digest_is_written_in_hexadecimal() {
+        assert_eq!(digest_text(&[0x00, 0x9a, 0xff]), "009aff");
     }
 
     #[test]

@@ -1,0 +1,155 @@
+//! What the protocol costs: a thousand results a second over loopback, as one busy machine sends
+//! them, against the same bytes through bare sockets. Counts the processor time of both ends.
+//!
+//! `cargo bench -p protocol`
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a measurement, for people"
+)]
+
+use std::fs;
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::thread;
+use std::time::Duration;
+
+use protocol::connection;
+use protocol::message::{Request, TaskResult, ToMaster, ToWorker};
+use protocol::{Component, FrameId, Radiance, Task, envelope};
+use tokio::time::{MissedTickBehavior, interval};
+
+/// Pixels of a group of the paper: 1024 × 768 in 64 groups; 147 kB as RGB.
+const PIXELS: u32 = 12_288;
+const RESULTS: u32 = 3000;
+const PERIOD: Duration = Duration::from_millis(1);
+
+fn main() {
+    let bare = measured(send_bare, receive_bare);
+    let protocol = measured(send_messages, receive_messages);
+    let row = |name: &str, micros: f64| {
+        let share = micros * 1000.0 / 2e6 * 100.0;
+        println!("{name:<14} {micros:6.1} µs per result, {share:4.1} % of two cores at 1000 results/s");
+    };
+    row("bare sockets", bare);
+    row("the protocol", protocol);
+    println!("{:<14} {:6.2}", "ratio", protocol / bare);
+}
+
+/// Processor time per result of sender and receiver together, in microseconds.
+fn measured(send: fn(TcpStream), receive: fn(TcpStream)) -> f64 {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let sender = thread::spawn(move || busy(|| send(TcpStream::connect(address).unwrap())));
+    let receiver = thread::spawn(move || busy(|| receive(listener.accept().unwrap().0)));
+    (sender.join().unwrap() + receiver.join().unwrap()) * 1e6 / f64::from(RESULTS)
+}
+
+/// Processor time of this thread while it works, in seconds.
+fn busy(work: impl FnOnce()) -> f64 {
+    let now = || {
+        let times = fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+        times.split(' ').next().unwrap().parse::<f64>().unwrap() / 1e9
+    };
+    let begun = now();
+    work();
+    now() - begun
+}
+
+fn result(group: u32) -> ToMaster {
+    ToMaster::Result(TaskResult {
+        frame: FrameId(1),
+        task: Task {
+            component: Component::Indirect,
+            group,
+            index: 3,
+        },
+        pixels: PIXELS,
+        radiance: Radiance(vec![0.25; 3 * PIXELS as usize]),
+        primary_rays: 0,
+        shadow_rays: u64::from(PIXELS) * 16,
+        busy_us: 10_000,
+    })
+}
+
+fn request() -> ToMaster {
+    ToMaster::Request(Request {
+        frame: FrameId(1),
+        tasks: 1,
+    })
+}
+
+fn in_runtime(work: impl Future<Output = ()>) {
+    tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap()
+        .block_on(work);
+}
+
+async fn paced(mut each: impl AsyncFnMut(u32)) {
+    let mut clock = interval(PERIOD);
+    clock.set_missed_tick_behavior(MissedTickBehavior::Burst);
+    for number in 0..RESULTS {
+        clock.tick().await;
+        each(number).await;
+    }
+}
+
+fn send_messages(stream: TcpStream) {
+    in_runtime(async {
+        stream.set_nonblocking(true).unwrap();
+        let stream = tokio::net::TcpStream::from_std(stream).unwrap();
+        let (_reader, mut writer) = connection::open::<ToWorker, ToMaster>(stream).unwrap();
+        paced(async |number| {
+            // The renderer makes the values either way; only what follows is the protocol's.
+            writer.push(&result(number)).unwrap();
+            writer.push(&request()).unwrap();
+            writer.flush().await.unwrap();
+        })
+        .await;
+    });
+}
+
+fn receive_messages(stream: TcpStream) {
+    in_runtime(async {
+        stream.set_nonblocking(true).unwrap();
+        let stream = tokio::net::TcpStream::from_std(stream).unwrap();
+        let (mut reader, _writer) = connection::open::<ToMaster, ToWorker>(stream).unwrap();
+        reader.handshake_done();
+        let mut light = 0.0;
+        while let Some(message) = reader.read().await.unwrap() {
+            if let ToMaster::Result(result) = message {
+                light += result.radiance.0[7];
+            }
+        }
+        assert!((light - 0.25 * RESULTS as f32).abs() < 1e-3);
+    });
+}
+
+/// Bytes of what [`send_messages`] sends at a time.
+fn both() -> Vec<u8> {
+    [result(0), request()]
+        .map(|message| envelope::encode(&message).unwrap())
+        .concat()
+}
+
+fn send_bare(mut stream: TcpStream) {
+    in_runtime(async {
+        stream.set_nodelay(true).unwrap();
+        let bytes = both();
+        paced(async |number| {
+            // The renderer's own work, done by the other sender too.
+            std::hint::black_box(result(number));
+            stream.write_all(&bytes).unwrap();
+        })
+        .await;
+    });
+}
+
+fn receive_bare(mut stream: TcpStream) {
+    let mut bytes = both();
+    for _ in 0..RESULTS {
+        stream.read_exact(&mut bytes).unwrap();
+    }
+}
