@@ -13,6 +13,7 @@ pub mod client;
 pub mod clock;
 pub mod done;
 pub mod executor;
+pub mod exit;
 pub mod loader;
 pub mod renderer;
 pub mod scene_cache;

@@ -24,8 +24,8 @@ use crate::state::{Action, Ending, Event, State};
 /// A master that does not read is not listened to while so much waits for it.
 const QUEUED_BYTES: usize = 2 * limits::ENVELOPE_BYTES as usize;
 
-/// How long the last results of a worker that leaves may take to the network.
-const FLUSH_WITHIN: Duration = Duration::from_millis(30);
+/// How long the last results of a worker that leaves may take to the master.
+const PARTING_WITHIN: Duration = Duration::from_millis(30);
 
 /// How a connection ended.
 #[derive(Debug)]
@@ -224,10 +224,17 @@ impl<'a> Session<'a> {
 
     /// Gives the network a moment to take what the slots had when the worker was told to go.
     async fn last_words(&mut self, end: &End) {
-        if matches!(end, End::Decided(Ending::Left)) {
-            // If it takes longer, the machine's owner is more important.
-            let _ = timeout(FLUSH_WITHIN, self.writer.flush()).await;
+        if !matches!(end, End::Decided(Ending::Left)) {
+            return;
         }
+        let parting = async {
+            self.writer.shutdown().await.ok()?;
+            // To close with something unread would be a reset, which takes back what was sent.
+            while let Ok(Some(_)) = self.reader.read().await {}
+            Some(())
+        };
+        // If it takes longer, the machine's owner is more important.
+        let _ = timeout(PARTING_WITHIN, parting).await;
     }
 }
 
