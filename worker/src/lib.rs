@@ -2,8 +2,10 @@
 //!
 //! [`state`] decides, on one connection, what to do about each message; it is pure. Around it is the
 //! shell: [`client`] carries bytes, [`loader`] and [`executor`] make light in threads of their own,
-//! and [`done`] is the channel between the two. [`renderer`] says what the worker needs of a renderer.
+//! and [`done`] is the channel between the two. [`renderer`] says what the worker needs of a renderer,
+//! [`traced`] is the real one.
 
+pub mod cli;
 pub mod options;
 
 pub mod backoff;
@@ -18,6 +20,7 @@ pub mod loader;
 pub mod renderer;
 pub mod scene_cache;
 pub mod signals;
+pub mod traced;
 
 use anyhow::Context as _;
 
@@ -27,9 +30,16 @@ pub use options::{Lifetime, WorkerOptions};
 use crate::client::Client;
 use crate::clock::Clock;
 use crate::renderer::Renderer;
+use crate::traced::TracingRenderer;
 
-/// Works with the given renderer until told to stop; blocks. Not to be called from within an async
-/// runtime.
+/// Works until told to stop; blocks. Not to be called from within an async runtime.
+pub fn run(options: WorkerOptions) -> anyhow::Result<Ended> {
+    let clock = Clock::start();
+    let renderer = TracingRenderer::new(options.scenes_dir.clone(), clock);
+    run_with(options, clock, Box::new(renderer))
+}
+
+/// Works with the given renderer.
 pub fn run_with(options: WorkerOptions, clock: Clock, renderer: Box<dyn Renderer>) -> anyhow::Result<Ended> {
     let mut runtime = tokio::runtime::Builder::new_current_thread();
     let runtime = runtime

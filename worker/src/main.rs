@@ -1,3 +1,5 @@
 //! The `worker` program.
 
-fn main() {}
+fn main() {
+    worker::cli::main();
+}

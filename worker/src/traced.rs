@@ -1,0 +1,121 @@
+//! The real renderer: the crate `render` behind the worker's traits. What comes off the wire becomes
+//! `render`'s own types here.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use protocol::{message, settings as wire};
+use render::frame::FrameRenderer;
+use render::intersect::TracedScene;
+use render::scene::{ImageSize, LoadOptions, load};
+use render::settings::{Algorithm, LightPoints, Settings};
+use render::task::{Component, Task};
+use render::vpl::VplSet;
+use serde_bytes::ByteBuf;
+
+use crate::clock::Clock;
+use crate::renderer::{Frame, LoadedScene, Output, Renderer, Scene};
+
+/// Loads scenes from files and builds their BVH by Embree.
+#[derive(Debug)]
+pub struct TracingRenderer {
+    options: LoadOptions,
+    clock: Clock,
+}
+
+impl TracingRenderer {
+    /// `scenes_dir` is what `$GRIDLIGHT_SCENES` stands for in scene files.
+    pub fn new(scenes_dir: PathBuf, clock: Clock) -> Self {
+        Self {
+            options: LoadOptions { scenes_dir },
+            clock,
+        }
+    }
+}
+
+impl Renderer for TracingRenderer {
+    fn load(&self, path: &Path) -> anyhow::Result<LoadedScene> {
+        let begun = self.clock.now();
+        let loaded = load(path, &self.options)?;
+        let read = self.clock.now();
+        for note in &loaded.notes {
+            tracing::info!(scene = %path.display(), "{note}");
+        }
+        let traced = TracedScene::build(loaded.scene).context("cannot build the BVH")?;
+        let built = self.clock.now();
+        Ok(LoadedScene {
+            scene: Arc::new(PreparedScene(Arc::new(traced))),
+            digest: Some(message::digest_text(&loaded.digest)),
+            files: loaded.files,
+            load: read.saturating_sub(begun),
+            bvh: built.saturating_sub(read),
+        })
+    }
+}
+
+#[derive(Debug)]
+struct PreparedScene(Arc<TracedScene>);
+
+impl Scene for PreparedScene {
+    fn set_up(&self, settings: &wire::Settings, vpl_sets: &[ByteBuf]) -> anyhow::Result<Arc<dyn Frame>> {
+        let vpl_sets = vpl_sets.iter().enumerate().map(|(index, bytes)| {
+            VplSet::from_bytes(bytes).with_context(|| format!("VPL set {index} is broken"))
+        });
+        let vpl_sets = vpl_sets.collect::<anyhow::Result<_>>()?;
+        let frame = FrameRenderer::new(Arc::clone(&self.0), settings_of(settings), vpl_sets)?;
+        Ok(Arc::new(frame))
+    }
+}
+
+impl Frame for FrameRenderer {
+    fn has(&self, task: protocol::Task) -> bool {
+        self.has(task_of(task))
+    }
+
+    fn render(&self, task: protocol::Task, stop: &mut dyn FnMut() -> bool) -> Output {
+        let output = self.render(task_of(task), stop);
+        Output {
+            pixels: output.pixels_done,
+            radiance: output.radiance,
+            primary_rays: output.rays.primary,
+            shadow_rays: output.rays.shadow,
+        }
+    }
+}
+
+fn settings_of(wire: &wire::Settings) -> Settings {
+    Settings {
+        algorithm: match wire.algorithm {
+            wire::Algorithm::Component => Algorithm::Component,
+            wire::Algorithm::Straightforward => Algorithm::Straightforward,
+        },
+        size: ImageSize {
+            width: wire.width,
+            height: wire.height,
+        },
+        groups: wire.groups,
+        spp: wire.spp,
+        vpls: wire.vpls,
+        vpl_sets: wire.vpl_sets,
+        seed: wire.seed,
+        geometry_clamp: wire.geometry_clamp,
+        light_points: match wire.light_points {
+            wire::LightPoints::PerPass => LightPoints::PerPass,
+            wire::LightPoints::PerPixel => LightPoints::PerPixel,
+        },
+    }
+}
+
+fn task_of(wire: protocol::Task) -> Task {
+    let component = match wire.component {
+        protocol::Component::Direct => Component::Direct,
+        protocol::Component::Indirect => Component::Indirect,
+        protocol::Component::Full => Component::Full,
+    };
+    Task {
+        component,
+        group: wire.group,
+        index: wire.index,
+    }
+}

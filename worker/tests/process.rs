@@ -1,0 +1,392 @@
+//! The program itself, as a process: how it comes, how it stays, how it goes.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on should stop")]
+
+mod scripted;
+
+use std::io::{BufRead as _, BufReader};
+use std::net::{SocketAddr, TcpListener};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
+
+use protocol::message::*;
+use protocol::{Component, FrameId, Task, ToMaster, ToWorker};
+use render::intersect::TracedScene;
+use render::scene::{LoadOptions, load};
+use render::{frame::FrameRenderer, vpl};
+use serde_bytes::ByteBuf;
+use worker::clock::Clock;
+
+use self::scripted::{Master, Peer, direct, settings};
+
+/// The program under test; killed when the test is over.
+struct Worker {
+    child: Child,
+    lines: mpsc::Receiver<String>,
+}
+
+impl Worker {
+    fn start(arguments: &[&str]) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_worker"))
+            .args(arguments)
+            .env_remove("RUST_LOG")
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let (sender, lines) = mpsc::channel();
+        let stderr = BufReader::new(child.stderr.take().unwrap());
+        thread::spawn(move || {
+            stderr
+                .lines()
+                .map_while(Result::ok)
+                .try_for_each(|line| sender.send(line))
+        });
+        Self { child, lines }
+    }
+
+    fn connect(address: SocketAddr, slots: u32) -> Self {
+        Self::start(&[
+            "--connect",
+            &address.to_string(),
+            "--slots",
+            &slots.to_string(),
+            "--name",
+            "lab-7",
+        ])
+    }
+
+    /// The next line on standard error that has this in it.
+    fn line_with(&self, part: &str) -> String {
+        loop {
+            let line = self
+                .lines
+                .recv_timeout(Duration::from_secs(20))
+                .expect("the line comes");
+            if line.contains(part) {
+                return line;
+            }
+        }
+    }
+
+    fn signal(&self, name: &str) {
+        let pid = self.child.id().to_string();
+        assert!(
+            Command::new("kill")
+                .args(["-s", name, &pid])
+                .status()
+                .unwrap()
+                .success()
+        );
+    }
+
+    /// Sends a signal; says how the process ended and how long it took.
+    fn ends_after(&mut self, signal: &str) -> (ExitStatus, Duration) {
+        let clock = Clock::start();
+        self.signal(signal);
+        (self.child.wait().unwrap(), clock.now())
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn output(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_worker"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn cornell_box() -> String {
+    concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../scenes/cornell-box/cornell-box.toml"
+    )
+    .to_owned()
+}
+
+/// A port at which nobody listens.
+fn closed_port() -> SocketAddr {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
+}
+
+const LEAVE_WITHIN: Duration = Duration::from_millis(100);
+
+#[test]
+fn version_and_help_say_what_people_need() {
+    let version = String::from_utf8(output(&["--version"]).stdout).unwrap();
+    assert!(
+        version.starts_with(concat!("worker ", env!("CARGO_PKG_VERSION"), " (")),
+        "{version}"
+    );
+    let help = String::from_utf8(output(&["--help"]).stdout).unwrap();
+    for part in [
+        "--connect <HOST:PORT>",
+        "[default: auto]",
+        "Exit codes",
+        "GRIDLIGHT_SCENES",
+    ] {
+        assert!(help.contains(part), "{part} is missing in:\n{help}");
+    }
+    assert_eq!(output(&["--connect", "nowhere"]).status.code(), Some(2));
+}
+
+#[tokio::test]
+async fn a_worker_waits_for_a_master_and_says_so_once() {
+    let address = closed_port();
+    let mut worker = Worker::connect(address, 1);
+    let line = worker.line_with("no master at");
+    assert!(
+        line.contains("refused") && line.contains("trying again"),
+        "{line}"
+    );
+    thread::sleep(Duration::from_millis(700));
+    assert_eq!(worker.lines.try_recv().ok(), None, "said more than once");
+    let (status, time) = worker.ends_after("TERM");
+    assert!(status.success() && time < LEAVE_WITHIN, "{status}, {time:?}");
+}
+
+#[tokio::test]
+async fn a_host_that_does_not_exist_is_named() {
+    let worker = Worker::start(&["--connect", "no-such-host.invalid:7420"]);
+    worker.line_with("cannot resolve no-such-host.invalid:7420");
+}
+
+#[tokio::test]
+async fn when_the_master_vanishes_the_worker_looks_for_the_next_within_100_ms() {
+    let master = Master::listen().await;
+    let _worker = Worker::connect(master.address, 1);
+    for _ in 0..3 {
+        let (peer, hello) = master.join().await;
+        assert_eq!((hello.name.as_str(), hello.token), ("lab-7", None));
+        drop(peer);
+        let clock = Clock::start();
+        drop(master.accept_bytes().await);
+        assert!(clock.now() < Duration::from_millis(100), "{:?}", clock.now());
+    }
+}
+
+#[tokio::test]
+async fn a_refused_worker_says_why_once_and_tries_again() {
+    let master = Master::listen().await;
+    let worker = Worker::connect(master.address, 1);
+    for _ in 0..3 {
+        let mut peer = master.accept().await;
+        peer.hello().await;
+        let reason = "the worker is version 0.0.9, the master is version 0.1.0".to_owned();
+        peer.say(ToWorker::Refused(Refused { reason })).await;
+    }
+    let line = worker.line_with("refuses this worker");
+    assert!(line.contains("0.0.9") && line.contains("0.1.0"), "{line}");
+    assert_eq!(worker.lines.try_recv().ok(), None, "said more than once");
+}
+
+#[tokio::test]
+async fn a_worker_gives_up_a_master_that_says_nothing() {
+    let master = Master::listen().await;
+    let worker = Worker::connect(master.address, 1);
+    let mut peer = master.accept().await;
+    peer.hello().await;
+    worker.line_with("nothing was heard");
+    assert!(peer.is_closed().await);
+}
+
+/// Brings a worker with the real renderer into the middle of a frame.
+async fn in_frame(master: &Master, settings: &protocol::settings::Settings) -> Peer {
+    let (mut peer, _) = master.join().await;
+    peer.prepare(&cornell_box()).await;
+    let prepared = peer.hear().await;
+    assert!(
+        matches!(&prepared, ToMaster::Prepared(prepared) if prepared.digest.is_some()),
+        "{prepared:?}"
+    );
+    let frame = Frame {
+        frame: FrameId(1),
+        settings: settings.clone(),
+        vpl_sets: vpl_sets(settings).1,
+    };
+    peer.say(ToWorker::Frame(frame)).await;
+    peer.request().await;
+    peer
+}
+
+fn traced() -> TracedScene {
+    let options = LoadOptions {
+        scenes_dir: "scenes".into(),
+    };
+    TracedScene::build(load(cornell_box().as_ref(), &options).unwrap().scene).unwrap()
+}
+
+/// The VPLs as a master has them, and as they are sent.
+fn vpl_sets(settings: &protocol::settings::Settings) -> (Vec<vpl::VplSet>, Vec<ByteBuf>) {
+    let sets = vpl::trace_sets(&traced(), &inside(settings));
+    let bytes = sets.iter().map(|set| ByteBuf::from(set.to_bytes())).collect();
+    (sets, bytes)
+}
+
+/// The test's settings as `render` has them.
+fn inside(settings: &protocol::settings::Settings) -> render::settings::Settings {
+    render::settings::Settings {
+        algorithm: render::settings::Algorithm::Component,
+        size: render::scene::ImageSize {
+            width: settings.width,
+            height: settings.height,
+        },
+        groups: settings.groups,
+        spp: settings.spp,
+        vpls: settings.vpls,
+        vpl_sets: settings.vpl_sets,
+        seed: settings.seed,
+        geometry_clamp: settings.geometry_clamp,
+        light_points: render::settings::LightPoints::PerPass,
+    }
+}
+
+#[tokio::test]
+async fn a_task_has_the_same_bits_from_a_worker_as_from_the_renderer_here() {
+    let (settings, master) = (settings(), Master::listen().await);
+    let _worker = Worker::connect(master.address, 2);
+    let mut peer = in_frame(&master, &settings).await;
+    let here = FrameRenderer::new(traced().into(), inside(&settings), vpl_sets(&settings).0).unwrap();
+
+    let indirect = |group, index| Task {
+        component: Component::Indirect,
+        group,
+        index,
+    };
+    peer.assign(vec![direct(1, 2), indirect(3, 0)], None).await;
+    for _ in 0..2 {
+        let result = peer.result().await;
+        let component = match result.task.component {
+            Component::Direct => render::task::Component::Direct,
+            _ => render::task::Component::Indirect,
+        };
+        let (group, index) = (result.task.group, result.task.index);
+        let task = render::task::Task {
+            component,
+            group,
+            index,
+        };
+        let expected = here.render(task, &mut || false);
+        assert_eq!(result.pixels, expected.pixels_done);
+        assert_eq!(result.radiance.0, expected.radiance);
+        assert_eq!(result.shadow_rays, expected.rays.shadow);
+        assert!(result.radiance.0.iter().any(|&value| value > 0.0));
+    }
+}
+
+/// A machine that is busy with other tests may be late once, but not every time.
+#[tokio::test]
+async fn told_to_go_in_mid_task_a_worker_sends_what_it_has_and_is_gone_within_100_ms() {
+    for signal in ["TERM", "INT"] {
+        let mut times = Vec::new();
+        while times.len() < 4 && !times.iter().any(|&time| time < LEAVE_WITHIN) {
+            times.push(leaving_in_mid_task(signal).await);
+        }
+        assert!(
+            times.iter().any(|&time| time < LEAVE_WITHIN),
+            "{signal}: {times:?}"
+        );
+    }
+}
+
+/// How long it took from the signal to the end, once everything was sent; or for ever.
+async fn leaving_in_mid_task(signal: &str) -> Duration {
+    let master = Master::listen().await;
+    let mut worker = Worker::connect(master.address, 2);
+    // Tasks of a minute.
+    let (width, height, groups, vpls) = (4096, 4096, 8, 256);
+    let large = protocol::settings::Settings {
+        width,
+        height,
+        groups,
+        vpls,
+        vpl_sets: 1,
+        ..settings()
+    };
+    let mut peer = in_frame(&master, &large).await;
+    let task = |group| Task {
+        component: Component::Indirect,
+        group,
+        index: 0,
+    };
+    peer.assign((0..4).map(task).collect(), None).await;
+    tokio::time::sleep(Duration::from_millis(300)).await;
+
+    let signal_sent = signal.to_owned();
+    let ended = thread::spawn(move || worker.ends_after(&signal_sent));
+    let results = last_results(&mut peer, signal).await;
+    drop(peer);
+    let (status, time) = ended.join().unwrap();
+    assert!(status.success(), "{status}");
+    if results == 2 { time } else { Duration::MAX }
+}
+
+/// Counts the results that come before the worker's last word.
+async fn last_results(peer: &mut Peer, signal: &str) -> u32 {
+    let mut results = 0;
+    loop {
+        match peer.hear().await {
+            ToMaster::Result(result) => {
+                assert!(result.task.group < 2, "the tasks in advance were not begun");
+                assert!((1..1 << 21).contains(&result.pixels), "{} pixels", result.pixels);
+                results += 1;
+            }
+            ToMaster::Leaving(leaving) => {
+                assert!(leaving.reason.contains(signal), "{}", leaving.reason);
+                assert!(peer.is_closed().await);
+                return results;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Embree's threads may be anywhere in the BVH when the process ends.
+#[tokio::test]
+async fn told_to_go_while_it_loads_a_scene_a_worker_just_goes() {
+    let nave = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/nave/nave.toml");
+    for millis in [0, 20, 40, 60, 80, 120, 160, 240] {
+        let master = Master::listen().await;
+        let mut worker = Worker::connect(master.address, 1);
+        let (mut peer, _) = master.join().await;
+        peer.prepare(nave).await;
+        tokio::time::sleep(Duration::from_millis(millis)).await;
+        let (status, _) = worker.ends_after("TERM");
+        assert!(status.success(), "{status} after {millis} ms");
+    }
+}
+
+#[tokio::test]
+async fn settings_and_vpls_that_make_no_sense_are_refused_by_name() {
+    let master = Master::listen().await;
+    let _worker = Worker::connect(master.address, 1);
+    let (mut peer, _) = master.join().await;
+    peer.prepare(&cornell_box()).await;
+    peer.hear().await;
+    let uneven = protocol::settings::Settings {
+        vpls: 7,
+        ..settings()
+    };
+    let sets = |bytes: &[u8]| vec![ByteBuf::from(bytes); 4];
+    for (settings, vpl_sets, expected) in [
+        (uneven, sets(&[]), "7 VPLs"),
+        (settings(), sets(&[1, 2, 3]), "VPL set 0"),
+        (settings(), Vec::new(), "VPL sets"),
+    ] {
+        peer.say(ToWorker::Frame(Frame {
+            frame: FrameId(1),
+            settings,
+            vpl_sets,
+        }))
+        .await;
+        let failed = peer.failed().await;
+        assert_eq!(failed.what, FailedStep::Frame);
+        assert!(failed.message.contains(expected), "{}", failed.message);
+    }
+}
