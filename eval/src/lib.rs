@@ -8,3 +8,7 @@ pub mod color;
 pub mod plane;
 
 pub mod metrics;
+
+pub mod compare;
+
+pub mod cli;

@@ -1,3 +1,7 @@
-//! The `eval` program.
+//! The `eval` program: judges pictures.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    let cli = eval::cli::parse();
+    let outcome = eval::cli::run(cli);
+    eval::cli::exit_code(outcome)
+}

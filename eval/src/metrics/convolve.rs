@@ -45,18 +45,21 @@ pub(super) fn columns(plane: &Plane, kernel: &[f32]) -> Plane {
 fn weighted_sum(out: &mut [f32], weights: &[f32], slices: &[&[f32]]) {
     let (blocks, rest) = out.as_chunks_mut::<LANES>();
     let rest_start = blocks.len() * LANES;
-    for (block, sums) in blocks.iter_mut().enumerate() {
+    for (block, start) in blocks.iter_mut().zip((0..).step_by(LANES)) {
+        let mut sums = [0.0; LANES];
         for (weight, slice) in weights.iter().zip(slices) {
-            let values = &slice[block * LANES..][..LANES];
-            for (sum, value) in sums.iter_mut().zip(values) {
-                *sum += weight * value;
-            }
+            add_weighted(&mut sums, *weight, &slice[start..][..LANES]);
         }
+        *block = sums;
     }
     for (weight, slice) in weights.iter().zip(slices) {
-        for (sum, value) in rest.iter_mut().zip(&slice[rest_start..]) {
-            *sum += weight * value;
-        }
+        add_weighted(rest, *weight, &slice[rest_start..]);
+    }
+}
+
+fn add_weighted(sums: &mut [f32], weight: f32, values: &[f32]) {
+    for (sum, value) in sums.iter_mut().zip(values) {
+        *sum += weight * value;
     }
 }
 

@@ -1,6 +1,7 @@
 //! HDR-FLIP: the largest LDR-FLIP over a range of exposures of the reference \[A21\].
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::ldr;
 use crate::color::luminance;
@@ -20,7 +21,7 @@ const D1: f64 = 0.59 * 0.6;
 const D0: f64 = 0.14;
 
 /// The exposures at which pictures are compared: `count` of them, evenly from start to stop.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Exposures {
     /// The first exposure in stops: not even the brightest pixel of the reference is white.
     pub start: f64,

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::transform::{Filter, frequencies};
+use super::transform::{Filter, Frequency};
 
 /// Frequency bands: five differences of mesas, and the base.
 pub(super) const BANDS: usize = 6;
@@ -34,18 +34,19 @@ pub(super) struct Channel<'a> {
 }
 
 impl Cortex {
-    pub(super) fn new(width: usize, height: usize) -> Self {
-        let filter = |gain: &dyn Fn(f64, f64) -> f64| {
-            Filter::new(
-                height,
-                frequencies(width, height).map(|(fx, fy)| gain(fx, fy) as f32),
-            )
+    /// The filters for spectra of `height` rows, whose frequencies are given in their order.
+    pub(super) fn new(height: usize, frequencies: &[Frequency]) -> Self {
+        let filter = |gain: &dyn Fn(&Frequency) -> f64| {
+            Filter::new(height, frequencies.iter().map(|frequency| gain(frequency) as f32))
         };
-        let radial = |gain: &dyn Fn(f64) -> f64| filter(&|fx, fy| gain(fx.hypot(fy)));
-        let mut low_pass: Vec<_> = (0..BANDS - 1).map(|k| radial(&|f| mesa(k, f))).collect();
-        low_pass.push(radial(&base));
-        let fans = (1..=FANS).map(|l| filter(&|fx, fy| fan_at(l, fx, fy))).collect();
-        Self { low_pass, fans }
+        let mesas = (0..BANDS - 1).map(|k| filter(&|frequency| mesa(k, frequency.radius)));
+        let base = filter(&|frequency| base(frequency.radius));
+        Self {
+            low_pass: mesas.chain([base]).collect(),
+            fans: (1..=FANS)
+                .map(|l| filter(&|frequency| fan_at(l, frequency)))
+                .collect(),
+        }
     }
 
     /// The channels of band `k` = 0..6: six, but only one for the base.
@@ -96,15 +97,25 @@ impl<'a> Channel<'a> {
 
 /// Half of all frequencies, `k` times.
 fn half(k: usize) -> f64 {
-    (-(k as f64)).exp2()
+    1.0 / f64::from(1_u32 << k)
+}
+
+/// Falls from 1 at position 0 to 0 at position 1, as half a period of a cosine.
+fn fall(position: f64) -> f64 {
+    if position <= 0.0 {
+        1.0
+    } else if position >= 1.0 {
+        0.0
+    } else {
+        0.5 * (1.0 + (PI * position).cos())
+    }
 }
 
 /// Low-pass with half amplitude at `half(k)`; `f` in cycles per pixel.
 fn mesa(k: usize, f: f64) -> f64 {
     let half = half(k);
     let transition = 2.0 / 3.0 * half;
-    let position = (f - half + transition / 2.0) / transition;
-    0.5 * (1.0 + (PI * position.clamp(0.0, 1.0)).cos())
+    fall((f - half + transition / 2.0) / transition)
 }
 
 /// The lowest frequencies: a Gaussian, cut at three standard deviations.
@@ -120,16 +131,19 @@ fn base(f: f64) -> f64 {
 
 /// Orientation filter `l` = 1..=6 at a frequency; 0 at zero frequency.
 ///
-/// The row of the vertical Nyquist frequency stands for both signs and gets the mean of the two,
-/// as the column of the horizontal one does by itself.
-fn fan_at(l: usize, fx: f64, fy: f64) -> f64 {
-    let angle = |fy: f64| fy.atan2(fx).to_degrees();
-    if fx + fy.abs() <= 0.0 {
+/// A frequency that stands for both signs of its vertical part gets the mean of the two.
+fn fan_at(l: usize, frequency: &Frequency) -> f64 {
+    let &Frequency {
+        radius,
+        degrees,
+        both_signs,
+    } = frequency;
+    if radius <= 0.0 {
         0.0
-    } else if fy.abs() < 0.5 {
-        fan(l, angle(fy))
+    } else if both_signs {
+        0.5 * (fan(l, degrees) + fan(l, -degrees))
     } else {
-        0.5 * (fan(l, angle(fy)) + fan(l, angle(-fy)))
+        fan(l, degrees)
     }
 }
 
@@ -138,12 +152,12 @@ fn fan(l: usize, degrees: f64) -> f64 {
     let width = 180.0 / FANS as f64;
     let centre = (l as f64 - 1.0) * width - 90.0;
     let turned = (degrees - centre).rem_euclid(180.0);
-    let distance = turned.min(180.0 - turned);
-    0.5 * (1.0 + (PI * (distance / width).min(1.0)).cos())
+    fall(turned.min(180.0 - turned) / width)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::transform::frequencies;
     use super::*;
 
     fn check(value: f64, expected: f64) {
@@ -171,7 +185,7 @@ mod tests {
     #[test]
     fn channels_sum_to_one_within_one_percent() {
         for (width, height) in [(96, 96), (33, 50)] {
-            let cortex = Cortex::new(width, height);
+            let cortex = Cortex::new(height, &frequencies(width, height));
             let channels: Vec<_> = (0..BANDS).flat_map(|k| cortex.channels(k)).collect();
             assert_eq!(channels.len(), 31);
             for column in 0..=width / 2 {

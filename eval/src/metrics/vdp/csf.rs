@@ -31,14 +31,14 @@ impl ContrastSensitivity {
         }
     }
 
-    /// Sensitivity to a grating of `rho` cycles per degree whose wave vector has angle `theta`.
+    /// Sensitivity to a grating of `rho` cycles per degree whose wave vector has this angle.
     ///
     /// Zero at zero frequency.
-    pub(super) fn at(&self, rho: f64, theta: f64) -> f64 {
+    pub(super) fn at(&self, rho: f64, degrees: f64) -> f64 {
         if rho <= 0.0 {
             return 0.0;
         }
-        let orientation = 0.5 * ((1.0 - OBLIQUE) * (4.0 * theta).cos() + (1.0 + OBLIQUE));
+        let orientation = 0.5 * ((1.0 - OBLIQUE) * (4.0 * degrees.to_radians()).cos() + (1.0 + OBLIQUE));
         let scaled = rho / (self.accommodation * orientation);
         PEAK * self.along_axis(scaled).min(self.along_axis(rho))
     }
@@ -75,7 +75,7 @@ mod tests {
             (10.0, 0.0, 67.7440),
             (15.0, 30.0, 19.1358),
         ] {
-            check(csf.at(rho, f64::to_radians(degrees)), expected);
+            check(csf.at(rho, degrees), expected);
         }
     }
 

@@ -8,7 +8,7 @@ use super::csf::ContrastSensitivity;
 use super::detect::Detection;
 use super::display::{Viewing, contrast};
 use super::masking::{Elevation, Slopes};
-use super::transform::{Filter, Transform, frequencies};
+use super::transform::{Filter, Frequency, Transform, frequencies};
 
 /// An eye adapted to the mean luminance of the reference, and what it looks at.
 pub(super) struct Observer {
@@ -47,12 +47,13 @@ impl Observer {
         let (reference, difference): (Vec<_>, Vec<_>) = reference.iter().zip(test).map(seen).unzip();
 
         let mut transform = Transform::new(width, height);
-        let sensitivity = sensitivity((width, height), adaptation, &settings.viewing);
+        let frequencies = frequencies(width, height);
+        let sensitivities = sensitivities(&frequencies, reference.len(), adaptation, &settings.viewing);
         let mut weighted_spectrum = |image: &[f32]| {
             let mut spectrum = transform.spectrum(image);
             spectrum
                 .iter_mut()
-                .zip(&sensitivity)
+                .zip(&sensitivities)
                 .for_each(|(value, s)| *value *= s);
             spectrum
         };
@@ -65,7 +66,7 @@ impl Observer {
                 reference,
                 difference,
             },
-            cortex: Cortex::new(width, height),
+            cortex: Cortex::new(height, &frequencies),
             phase_uncertainty: settings.phase_uncertainty,
             transform,
         }
@@ -121,12 +122,11 @@ impl Signals {
 }
 
 /// Sensitivity at every frequency of a spectrum.
-fn sensitivity((width, height): (usize, usize), adaptation: f64, viewing: &Viewing) -> Vec<f32> {
+fn sensitivities(frequencies: &[Frequency], pixels: usize, adaptation: f64, viewing: &Viewing) -> Vec<f32> {
     let ppd = viewing.pixels_per_degree();
-    let area = (width as f64 / ppd) * (height as f64 / ppd);
-    let csf = ContrastSensitivity::new(adaptation, area, viewing);
-    let at = |(fx, fy): (f64, f64)| csf.at(fx.hypot(fy) * ppd, fy.atan2(fx)) as f32;
-    frequencies(width, height).map(at).collect()
+    let csf = ContrastSensitivity::new(adaptation, pixels as f64 / (ppd * ppd), viewing);
+    let at = |frequency: &Frequency| csf.at(frequency.radius * ppd, frequency.degrees) as f32;
+    frequencies.iter().map(at).collect()
 }
 
 /// The different slopes of one band, each with the places in `slopes` where it is.

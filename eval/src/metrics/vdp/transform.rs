@@ -18,18 +18,35 @@ use super::cortex::Channel;
 /// Rows moved between row order and column order at a time: two cache lines of each column.
 const ROWS_AT_ONCE: usize = 16;
 
-/// Frequencies (fx, fy) in cycles per pixel in the order of a spectrum.
-pub(super) fn frequencies(width: usize, height: usize) -> impl Iterator<Item = (f64, f64)> {
-    let vertical = move |row: usize| {
-        let signed = if 2 * row <= height {
+/// A frequency of a spectrum.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frequency {
+    /// Cycles per pixel.
+    pub(super) radius: f64,
+    /// Angle of the wave vector.
+    pub(super) degrees: f64,
+    /// Whether the vertical part is the Nyquist frequency, which has no sign of its own.
+    pub(super) both_signs: bool,
+}
+
+/// The frequencies of a spectrum in its order.
+pub(super) fn frequencies(width: usize, height: usize) -> Vec<Frequency> {
+    let frequency = |column: usize, row: usize| {
+        let signed_row = if 2 * row <= height {
             row as f64
         } else {
             row as f64 - height as f64
         };
-        signed / height as f64
+        let (fx, fy) = (column as f64 / width as f64, signed_row / height as f64);
+        Frequency {
+            radius: fx.hypot(fy),
+            degrees: fy.atan2(fx).to_degrees(),
+            both_signs: 2 * row == height,
+        }
     };
     (0..=width / 2)
-        .flat_map(move |column| (0..height).map(move |row| (column as f64 / width as f64, vertical(row))))
+        .flat_map(|column| (0..height).map(move |row| frequency(column, row)))
+        .collect()
 }
 
 /// A real factor for every frequency of a spectrum, symmetric in the vertical frequency.
@@ -254,8 +271,8 @@ mod tests {
     #[test]
     fn a_filter_that_passes_everything_changes_nothing_at_any_size() {
         for (width, height) in SIZES {
-            let all = Filter::new(height, frequencies(width, height).map(|_| 1.0));
-            let almost_all = Filter::new(height, frequencies(width, height).map(|_| 0.999_999_9));
+            let all = Filter::new(height, frequencies(width, height).iter().map(|_| 1.0));
+            let almost_all = Filter::new(height, frequencies(width, height).iter().map(|_| 0.999_999_9));
             for filter in [all, almost_all] {
                 let mut filtered = image(width, height);
                 Transform::new(width, height).filter(&mut filtered, &filter);
@@ -267,8 +284,8 @@ mod tests {
     #[test]
     fn a_filter_that_passes_the_mean_leaves_the_mean() {
         for (width, height) in SIZES {
-            let gain = |(fx, fy): (f64, f64)| if fx.hypot(fy) > 0.0 { 0.0 } else { 1.0 };
-            let filter = Filter::new(height, frequencies(width, height).map(gain));
+            let gain = |frequency: &Frequency| if frequency.radius > 0.0 { 0.0 } else { 1.0 };
+            let filter = Filter::new(height, frequencies(width, height).iter().map(gain));
             let mut filtered = image(width, height);
             let mean = filtered.iter().sum::<f32>() / filtered.len() as f32;
             Transform::new(width, height).filter(&mut filtered, &filter);
