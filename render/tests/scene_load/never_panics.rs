@@ -236,3 +236,21 @@ fn the_unchanged_scene_is_shown() {
     let scene = load(&folder.path().join("a.toml"), &LoadOptions::default());
     assert_eq!(scene.expect("valid").scene.mesh.triangles.len(), 6);
 }
+
+#[test]
+fn nesting_without_end_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let deep = |piece: &str| piece.repeat(100_000);
+    for scene in [
+        format!("a = {}", deep("[")),
+        format!("a = {}", deep("{a=")),
+        format!("{}a = 1", deep("a.")),
+        format!("[{}a]", deep("a.")),
+        format!("[[{}a]]", deep("a.")),
+        format!("a = {{ {}a = 1 }}", deep("a.")),
+        deep("[a]\n"),
+        deep("[[mesh]]\n"),
+    ] {
+        try_files(folder.path(), &[("a.toml", scene.as_bytes())]);
+    }
+}

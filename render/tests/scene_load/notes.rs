@@ -19,7 +19,8 @@ const GREY: Vec3 = Vec3::splat(0.5);
 
 #[test]
 fn a_missing_mtl_file_is_named_and_shows_grey() {
-    let obj = format!("\nmtllib b.mtl\nusemtl a\n{TRIANGLE}");
+    // Some programs name it before every part.
+    let obj = format!("\nmtllib b.mtl\nusemtl a\n{TRIANGLE}mtllib b.mtl\n");
     let (scene, notes) = notes(Folder::new().with("a.obj", obj));
     assert_eq!(
         notes,
@@ -77,6 +78,22 @@ fn a_file_with_other_capitals_is_taken_and_named() {
 }
 
 #[test]
+fn a_mesh_with_other_capitals_is_taken_and_named_once() {
+    let text = "[[mesh]]\npath = 'A.obj'\n".repeat(2);
+    let folder = Folder::new().with("a.obj", TRIANGLE);
+    let (_, notes) = folder
+        .with("a.toml", format!("{CAMERA}{text}{SCENE}"))
+        .loaded("a.toml");
+    assert_eq!(
+        notes,
+        [
+            "a.toml:5:8: there is no file of exactly this name; a.obj was taken",
+            "a.obj: 1 triangles have no material; shown as grey 0.5"
+        ]
+    );
+}
+
+#[test]
 fn what_is_shown_as_diffuse_is_said_once_for_each_mtl_file() {
     let names = ["m1", "m2", "m3", "m4", "m5"];
     let faces = names.map(|name| format!("usemtl {name}\nf 1 2 3\n"));
@@ -89,6 +106,18 @@ fn what_is_shown_as_diffuse_is_said_once_for_each_mtl_file() {
         ["a.mtl: mirrors are not rendered, shown as diffuse: `m1`, `m2`, `m3`, `m4` and 1 more"]
     );
     assert_eq!(scene.materials[4].kd, Vec3::splat(0.9));
+}
+
+#[test]
+fn meshes_that_share_an_mtl_file_say_the_same_once() {
+    let obj = format!("mtllib a.mtl\nusemtl a\n{TRIANGLE}");
+    let folder = Folder::new()
+        .with("a.obj", &obj)
+        .with("b.obj", &obj)
+        .with("a.mtl", "newmtl a\nKd 2 2 2\n");
+    let text = format!("{CAMERA}{SCENE}[[mesh]]\npath = 'b.obj'\n");
+    let (_, notes) = folder.with("a.toml", text).loaded("a.toml");
+    assert_eq!(notes, ["a.mtl: albedo (Kd) clamped into 0 to 1: `a`"]);
 }
 
 #[test]

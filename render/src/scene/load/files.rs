@@ -105,6 +105,14 @@ pub(super) enum Found {
     Missing(PathBuf),
 }
 
+impl Found {
+    /// Where the file is, or should be.
+    pub(super) fn path(&self) -> &PathBuf {
+        let (Self::Exactly(path) | Self::OtherCase(path) | Self::Missing(path)) = self;
+        path
+    }
+}
+
 /// Looks for a file as another file names it: relative to `folder`, with `/` or `\` between folders,
 /// and if need be with other capitals (files made on other systems).
 pub(super) fn find(folder: &Path, written: &str) -> Found {
@@ -113,10 +121,10 @@ pub(super) fn find(folder: &Path, written: &str) -> Found {
     if exact.exists() {
         return Found::Exactly(exact);
     }
-    let mut path = if exact.is_relative() || Path::new(&written).is_relative() {
-        folder.to_owned()
-    } else {
+    let mut path = if Path::new(&written).is_absolute() {
         PathBuf::new()
+    } else {
+        folder.to_owned()
     };
     for component in Path::new(&written).components() {
         match component {

@@ -26,6 +26,8 @@ pub(super) struct MeshFile<'a> {
     /// The first mention.
     entry: &'a MeshEntry,
     path: PathBuf,
+    /// Whether the capitals of the name differ.
+    is_other_case: bool,
     remedy: String,
 }
 
@@ -43,11 +45,12 @@ impl<'a> Meshes<'a> {
         };
         let mut known = HashMap::new();
         for entry in entries {
-            let file = MeshFile::find(scene, entry, options, notes)?;
+            let file = MeshFile::find(scene, entry, options)?;
             // Two names may lead to one file.
             let identity = std::fs::canonicalize(&file.path).unwrap_or_else(|_| file.path.clone());
             let index = *known.entry(identity).or_insert(meshes.files.len());
             if index == meshes.files.len() {
+                notes.extend(file.note());
                 meshes.files.push(file);
             }
             meshes.file_of.push(index);
@@ -57,16 +60,12 @@ impl<'a> Meshes<'a> {
 }
 
 impl<'a> MeshFile<'a> {
-    fn find(
-        scene: &Path,
-        entry: &'a MeshEntry,
-        options: &LoadOptions,
-        notes: &mut Vec<Note>,
-    ) -> Result<Self, SceneError> {
+    fn find(scene: &Path, entry: &'a MeshEntry, options: &LoadOptions) -> Result<Self, SceneError> {
         let Some(named_at) = &entry.named_at else {
             return Ok(Self {
                 entry,
                 path: scene.to_owned(),
+                is_other_case: false,
                 remedy: "check the path".into(),
             });
         };
@@ -84,17 +83,19 @@ impl<'a> MeshFile<'a> {
                 "check the path, which is relative to the folder of the scene file".into(),
             ),
         };
-        let path = match found {
-            Found::Exactly(path) | Found::Missing(path) => path,
-            Found::OtherCase(path) => {
-                notes.push(Note::OtherCase {
-                    named_at: named_at.clone(),
-                    path: path.clone(),
-                });
-                path
-            }
-        };
-        Ok(Self { entry, path, remedy })
+        Ok(Self {
+            entry,
+            is_other_case: matches!(found, Found::OtherCase(_)),
+            path: found.path().clone(),
+            remedy,
+        })
+    }
+
+    /// What to say about the name.
+    fn note(&self) -> Option<Note> {
+        let named_at = self.entry.named_at.clone()?;
+        let path = self.path.clone();
+        self.is_other_case.then_some(Note::OtherCase { named_at, path })
     }
 
     /// The bytes of the file.
@@ -106,21 +107,23 @@ impl<'a> MeshFile<'a> {
 
 /// What follows a leading `$GRIDLIGHT_SCENES/`; `None` for a path without a variable.
 fn strip_variable<'p>(path: &'p str, place: &Place) -> Result<Option<&'p str>, SceneError> {
-    let mut components = path.split(['/', '\\']).enumerate();
-    let is_known = |(index, component): (usize, &str)| {
-        let name = component.trim_start_matches(['$', '{']).trim_end_matches('}');
-        index == 0 && name == SCENES_VARIABLE
-    };
-    let variables = components.by_ref().filter(|(_, c)| c.starts_with('$'));
+    let separators = ['/', '\\'];
     let mut leading = None;
-    for variable in variables {
-        if !is_known(variable) {
+    for (index, component) in path.split(separators).enumerate() {
+        let Some(name) = component.strip_prefix('$') else {
+            continue;
+        };
+        let name = name
+            .strip_prefix('{')
+            .and_then(|n| n.strip_suffix('}'))
+            .unwrap_or(name);
+        if index > 0 || name != SCENES_VARIABLE {
             return Err(SceneError::UnknownVariable {
                 place: place.clone(),
-                variable: variable.1.to_owned(),
+                variable: component.to_owned(),
             });
         }
-        leading = Some(path[variable.1.len()..].trim_start_matches(['/', '\\']));
+        leading = Some(path[component.len()..].trim_start_matches(separators));
     }
     Ok(leading)
 }

@@ -17,6 +17,7 @@ mod texture_file;
 mod textures;
 mod transform;
 
+use std::collections::HashSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -84,12 +85,15 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<LoadedScene, SceneErro
     let meshes = Meshes::find(path, &description.meshes, options, &mut notes)?;
     let objs = all(in_parallel(&meshes.files, MeshFile::read))?;
     let models = all(in_parallel(&objs, Model::open))?;
+    let mut known_notes = HashSet::new();
     for (obj, model) in objs.iter().zip(&models) {
         files.add(&obj.name, &obj.file, Some(obj.hash));
         for library in &model.libraries {
             files.add(&library.name, &library.path, library.hash);
         }
-        notes.extend(model.notes.iter().cloned());
+        // Models that share an MTL file have some notes in common.
+        let new = |note: &&Note| known_notes.insert(note.to_string());
+        notes.extend(model.notes.iter().filter(new).cloned());
     }
 
     // The textures' files, each once; then triangles and pictures side by side.
@@ -99,10 +103,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<LoadedScene, SceneErro
     // All in one.
     let mut assembly = Assembly::default();
     let dropped = assemble(&mut assembly, &models, &parts, &textures, &description, &meshes)?;
-    if dropped.iter().any(|(_, count)| *count > 0) {
-        let counts = dropped.into_iter().filter(|(_, count)| *count > 0);
-        let counts = counts.collect();
-        notes.push(Note::DegenerateDropped { counts });
+    if !dropped.is_empty() {
+        notes.push(Note::DegenerateDropped { counts: dropped });
     }
     if assembly.mesh.triangles.is_empty() {
         return Err(no_triangles(path, &kind, &models));
@@ -220,7 +222,7 @@ fn decode(
     Ok((meshes, pictures))
 }
 
-/// Adds all meshes; gives the number of dropped triangles of each file.
+/// Adds all meshes; gives the number of dropped triangles of each file that has some.
 fn assemble(
     assembly: &mut Assembly,
     models: &[Model<'_>],
@@ -275,6 +277,7 @@ fn assemble(
             });
         }
     }
+    dropped.retain(|(_, count)| *count > 0);
     Ok(dropped)
 }
 

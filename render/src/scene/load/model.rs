@@ -126,26 +126,23 @@ impl<'a> Model<'a> {
     fn read_libraries(&mut self, obj_name: &str) -> Result<BTreeMap<String, Appearance>, SceneError> {
         let mut known = BTreeMap::new();
         for (written, line) in self.text.survey.libraries.clone() {
-            let named_at = Place::line(self.file, line);
             for written in self.library_names(&written) {
-                let name = relative_name(obj_name, &written);
                 let found = files::find(files::folder_of(self.file), &written);
-                let Some(path) = self.found(found, &named_at, |named_at, path| Note::MtlMissing {
-                    named_at,
-                    path,
-                }) else {
-                    let path = files::folder_of(self.file).join(&written);
-                    let hash = None;
-                    self.libraries.push(LibraryFile { name, path, hash });
-                    continue;
-                };
-                if self.libraries.iter().any(|library| library.path == path) {
+                // Some programs name the library before every part.
+                if self.libraries.iter().any(|l| &l.path == found.path()) {
                     continue;
                 }
-                let remedy = "check the permissions of the MTL file";
-                let bytes = files::read(&path, MTL_BYTES_MAX, Some(&named_at), remedy)?;
-                known.extend(mtl::read(&path.as_path().into(), &bytes)?);
-                let hash = Some(blake3::hash(&bytes));
+                let named_at = Place::line(self.file, line);
+                let missing = |named_at, path| Note::MtlMissing { named_at, path };
+                let (path, is_there) = self.found(&found, &named_at, missing);
+                let mut hash = None;
+                if is_there {
+                    let remedy = "check the permissions of the MTL file";
+                    let bytes = files::read(&path, MTL_BYTES_MAX, Some(&named_at), remedy)?;
+                    known.extend(mtl::read(&path.as_path().into(), &bytes)?);
+                    hash = Some(blake3::hash(&bytes));
+                }
+                let name = relative_name(obj_name, &written);
                 self.libraries.push(LibraryFile { name, path, hash });
             }
         }
@@ -164,27 +161,25 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// The path of what was found, with a note if that is not quite what was named.
+    /// The path, and whether the file is there; with a note if that is not quite what was named.
     fn found(
         &mut self,
-        found: Found,
+        found: &Found,
         named_at: &Place,
         missing: impl FnOnce(Place, PathBuf) -> Note,
-    ) -> Option<PathBuf> {
-        match found {
-            Found::Exactly(path) => Some(path),
-            Found::OtherCase(path) => {
-                self.notes.push(Note::OtherCase {
-                    named_at: named_at.clone(),
-                    path: path.clone(),
-                });
-                Some(path)
-            }
-            Found::Missing(path) => {
-                self.notes.push(missing(named_at.clone(), path));
-                None
-            }
-        }
+    ) -> (PathBuf, bool) {
+        let path = found.path().clone();
+        let named_at = named_at.clone();
+        let note = match found {
+            Found::Exactly(_) => return (path, true),
+            Found::OtherCase(path) => Note::OtherCase {
+                named_at,
+                path: path.clone(),
+            },
+            Found::Missing(path) => missing(named_at, path.clone()),
+        };
+        self.notes.push(note);
+        (path, !matches!(found, Found::Missing(_)))
     }
 
     fn find_materials(&mut self, known: &BTreeMap<String, Appearance>) {
@@ -229,18 +224,17 @@ impl<'a> Model<'a> {
             let library = self.libraries.iter().find(|l| *l.path == *named_at.file);
             let library = library.map_or(obj_name, |library| &library.name);
             let name = relative_name(library, &map.file);
-            let missing_path = folder.join(&map.file);
-            let found = files::find(&folder, &map.file);
-            let path = self.found(found, &named_at, |named_at, path| Note::TextureMissing {
+            let missing = |named_at, path| Note::TextureMissing {
                 named_at,
                 path,
                 material,
-            });
+            };
+            let (path, is_there) = self.found(&files::find(&folder, &map.file), &named_at, missing);
             self.materials[index].texture = Some(TextureUse {
                 name,
-                is_there: path.is_some(),
-                path: path.unwrap_or(missing_path),
+                path,
                 named_at,
+                is_there,
             });
         }
     }

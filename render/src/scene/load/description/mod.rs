@@ -53,10 +53,7 @@ pub(super) struct MeshEntry {
 
 /// Reads the text of a scene file.
 pub(super) fn parse(file: &Arc<Path>, text: &str) -> Result<Description, SceneError> {
-    let document = Document {
-        file: Arc::clone(file),
-        text,
-    };
+    let document = Document::new(file, text);
     let root = DeTable::parse(text).map_err(|error| SceneError::Toml {
         place: document.place(error.span().map_or(0, |span| span.start)),
         problem: error.message().trim_end().replace('\n', "; "),

@@ -13,20 +13,33 @@ use super::super::error::{Place, SceneError};
 /// The text of a scene file, from which bytes are turned into lines and columns.
 #[derive(Debug)]
 pub(super) struct Document<'a> {
-    pub(super) file: Arc<Path>,
-    pub(super) text: &'a str,
+    file: Arc<Path>,
+    text: &'a str,
+    /// The first byte of each line but the first.
+    line_starts: Vec<usize>,
 }
 
-impl Document<'_> {
+impl<'a> Document<'a> {
+    pub(super) fn new(file: &Arc<Path>, text: &'a str) -> Self {
+        Self {
+            file: Arc::clone(file),
+            text,
+            line_starts: text.match_indices('\n').map(|(at, _)| at + 1).collect(),
+        }
+    }
+
     /// Line and column of a byte of the text.
     pub(super) fn place(&self, byte: usize) -> Place {
-        let before = self.text.get(..byte).unwrap_or(self.text);
-        let line = before.bytes().filter(|&b| b == b'\n').count() + 1;
-        let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
+        let lines_before = self.line_starts.partition_point(|&start| start <= byte);
+        let start = match lines_before {
+            0 => 0,
+            _ => self.line_starts[lines_before - 1],
+        };
+        let before = self.text.get(start..byte).unwrap_or_default();
         Place {
             file: Arc::clone(&self.file),
-            line: line as u32,
-            column: Some(column as u32),
+            line: lines_before as u32 + 1,
+            column: Some(before.chars().count() as u32 + 1),
         }
     }
 }
