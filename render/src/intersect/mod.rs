@@ -50,7 +50,7 @@ impl TracedScene {
     }
 
     /// Embree's scene, for packets of rays.
-    pub(crate) fn accelerated(&self) -> &embree::Scene {
+    pub fn accelerated(&self) -> &embree::Scene {
         &self.accelerated
     }
 

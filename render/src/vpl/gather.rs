@@ -51,6 +51,38 @@ impl<'a> Gather<'a> {
         }
     }
 
+    /// Number of pairs of a VPL and a point that see each other: the rays of [`Gather::add`] without
+    /// its light.
+    pub fn count_visible(&self, points: &GBuffer, vpls: &[Vpl]) -> u64 {
+        match self.scene.packet_width() {
+            embree::PacketWidth::W4 => self.count_visible_by::<4>(points, vpls),
+            embree::PacketWidth::W8 => self.count_visible_by::<8>(points, vpls),
+            embree::PacketWidth::W16 => self.count_visible_by::<16>(points, vpls),
+        }
+    }
+
+    fn count_visible_by<const N: usize>(&self, points: &GBuffer, vpls: &[Vpl]) -> u64
+    where
+        embree::Lanes<N>: embree::PacketSize,
+    {
+        let (mut visible, mut rays) = (0, 0);
+        for vpl in vpls {
+            let mut packet = rays_from::<N>(vpl.position);
+            for index in 0..points.len.div_ceil(N) {
+                let weights = connect(
+                    &mut packet,
+                    points,
+                    index,
+                    |_| (vpl.position, vpl.normal),
+                    self.bound,
+                );
+                let weights = visible_weights(self.scene, &mut packet, weights, &mut rays);
+                visible += weights.iter().filter(|&&weight| weight > 0.0).count() as u64;
+            }
+        }
+        visible
+    }
+
     fn add_by<const N: usize>(&self, points: &GBuffer, vpls: &[Vpl], radiance: &mut Vec3Lanes) -> u64
     where
         embree::Lanes<N>: embree::PacketSize,

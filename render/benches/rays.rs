@@ -1,0 +1,270 @@
+//! Shadow rays to VPLs: our gather against a bare Embree loop over prepared rays, the same rays in the
+//! same run, in turns, so that a machine whose speed drifts does not decide.
+//!
+//! `cargo bench -p render --bench rays` prints rates in million rays per second of one thread and their
+//! ratios for the Cornell box and, where the scenes are, sibenik; then the other forms that packets
+//! could have.
+
+use std::{
+    hint::black_box,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
+
+use embree4_sys::{Coherence, FlushDenormals, LaneMask, Lanes, PacketSize, RayPacket};
+use render::{
+    gbuffer::{GBuffer, Vec3Lanes},
+    intersect::TracedScene,
+    pixel_group::PixelGroups,
+    scene::{ImageSize, LoadOptions, load},
+    settings::{Algorithm, Settings},
+    vpl::{Gather, GeometryBound, Vpl, trace_sets},
+};
+
+const ROUNDS: usize = 15;
+const SIZE: ImageSize = ImageSize {
+    width: 1024,
+    height: 768,
+};
+
+fn main() {
+    // Cargo passes `--bench`; when tests are run, benches are only started.
+    if !std::env::args().any(|argument| argument == "--bench") {
+        return;
+    }
+    let _flush = FlushDenormals::in_this_thread();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let scenes =
+        std::env::var_os("GRIDLIGHT_SCENES").map_or_else(|| root.join("../shared/scenes"), PathBuf::from);
+    for file in [
+        "cornell-box/cornell-box.toml",
+        "sibenik.toml",
+        "nave/nave.toml",
+        "conference.toml",
+    ] {
+        match load(
+            &root.join("scenes").join(file),
+            &LoadOptions {
+                scenes_dir: scenes.clone(),
+            },
+        ) {
+            Ok(loaded) => bench_scene(file, loaded.scene),
+            Err(error) => eprintln!("{file} is skipped: {error}"),
+        }
+    }
+}
+
+/// G-buffer points of the first group and the VPLs of one set.
+struct Work {
+    scene: Arc<TracedScene>,
+    points: Vec<GBuffer>,
+    vpls: Vec<Vpl>,
+}
+
+fn bench_scene(name: &str, scene: render::scene::Scene) {
+    let scene = match TracedScene::build(scene) {
+        Ok(scene) => Arc::new(scene),
+        Err(error) => return eprintln!("{name} is skipped: {error}"),
+    };
+    let settings = Settings::paper(Algorithm::Component, SIZE);
+    let groups = PixelGroups::new(&settings);
+    let chunks = groups.pixels(0).chunks(groups.chunk_pixels());
+    let work = Work {
+        points: chunks
+            .map(|pixels| GBuffer::trace(&scene, SIZE, pixels))
+            .collect(),
+        vpls: trace_sets(&scene, &settings).swap_remove(0).vpls,
+        scene,
+    };
+    println!(
+        "{name}: {} triangles, one thread",
+        work.scene.scene().mesh.triangles.len()
+    );
+    match work.scene.packet_width().lanes() {
+        4 => bench_gather::<4>(&work),
+        8 => bench_gather::<8>(&work),
+        _ => bench_gather::<16>(&work),
+    }
+    bench_forms(&work);
+}
+
+/// The gather and its visibility alone against the bare loop, in turns.
+fn bench_gather<const N: usize>(work: &Work)
+where
+    Lanes<N>: PacketSize,
+{
+    let gather = Gather::new(&work.scene, GeometryBound::new(None));
+    let mut prepared = near_pixels_to_one_vpl::<N>(work);
+    let rays: u64 = prepared.iter().map(|(valid, _)| u64::from(valid.count())).sum();
+    let mut radiance: Vec<Vec3Lanes> = work
+        .points
+        .iter()
+        .map(|points| Vec3Lanes::zeros(points.position.x.len()))
+        .collect();
+    let (mut bare, mut visibility, mut whole) = (Vec::new(), Vec::new(), Vec::new());
+    for _ in 0..ROUNDS {
+        bare.push(time(|| trace(work, &mut prepared, Coherence::Incoherent)));
+        visibility.push(time(|| {
+            for points in &work.points {
+                black_box(gather.count_visible(points, &work.vpls));
+            }
+        }));
+        whole.push(time(|| {
+            for (points, radiance) in work.points.iter().zip(&mut radiance) {
+                black_box(gather.add(points, &work.vpls, radiance));
+            }
+        }));
+    }
+    println!(
+        "  {:44} {:7.2} Mrays/s",
+        format!("bare loop, packets of {N}, prepared rays"),
+        rate(rays, &bare)
+    );
+    for (name, times) in [
+        ("gather, visibility alone", &visibility),
+        ("gather, whole", &whole),
+    ] {
+        println!(
+            "  {name:44} {:7.2} Mrays/s = {:.3} of bare",
+            rate(rays, times),
+            median_ratio(&bare, times)
+        );
+    }
+}
+
+/// The same pairs of points and VPLs in the other orders and widths, bare.
+fn bench_forms(work: &Work) {
+    for (coherence, name) in [
+        (Coherence::Incoherent, "incoherent"),
+        (Coherence::Coherent, "coherent"),
+    ] {
+        bench_form(
+            work,
+            &format!("near pixels, one VPL, 4 lanes, {name}"),
+            near_pixels_to_one_vpl::<4>(work),
+            coherence,
+        );
+        bench_form(
+            work,
+            &format!("near pixels, one VPL, 8 lanes, {name}"),
+            near_pixels_to_one_vpl::<8>(work),
+            coherence,
+        );
+        bench_form(
+            work,
+            &format!("near pixels, one VPL, 16 lanes, {name}"),
+            near_pixels_to_one_vpl::<16>(work),
+            coherence,
+        );
+        bench_form(
+            work,
+            &format!("one pixel, 16 VPLs, 8 lanes, {name}"),
+            one_pixel_to_vpls::<8>(work),
+            coherence,
+        );
+    }
+}
+
+fn bench_form<const N: usize>(work: &Work, name: &str, mut packets: Packets<N>, coherence: Coherence)
+where
+    Lanes<N>: PacketSize,
+{
+    let rays = packets.iter().map(|(valid, _)| u64::from(valid.count())).sum();
+    let times: Vec<Duration> = (0..5)
+        .map(|_| time(|| trace(work, &mut packets, coherence)))
+        .collect();
+    println!("  {name:44} {:7.2} Mrays/s", rate(rays, &times));
+}
+
+type Packets<const N: usize> = Vec<(LaneMask<N>, RayPacket<N>)>;
+
+fn trace<const N: usize>(work: &Work, packets: &mut Packets<N>, coherence: Coherence)
+where
+    Lanes<N>: PacketSize,
+{
+    for (valid, packet) in packets {
+        packet.tfar = [1.0; N];
+        work.scene.accelerated().occluded(valid, packet, coherence);
+        black_box(packet.tfar);
+    }
+}
+
+fn near_pixels_to_one_vpl<const N: usize>(work: &Work) -> Packets<N> {
+    let mut packets = Vec::new();
+    for points in &work.points {
+        for vpl in &work.vpls {
+            for first in (0..points.len).step_by(N) {
+                packets.extend(packet((first..first + N).map(|lane| (points, lane, vpl))));
+            }
+        }
+    }
+    packets
+}
+
+fn one_pixel_to_vpls<const N: usize>(work: &Work) -> Packets<N> {
+    let mut packets = Vec::new();
+    for points in &work.points {
+        for lane in 0..points.len {
+            for vpls in work.vpls.chunks(N) {
+                packets.extend(packet(vpls.iter().map(|vpl| (points, lane, vpl))));
+            }
+        }
+    }
+    packets
+}
+
+/// A packet of the pairs that face each other; `None` if no pair does.
+fn packet<'a, const N: usize>(
+    pairs: impl Iterator<Item = (&'a GBuffer, usize, &'a Vpl)>,
+) -> Option<(LaneMask<N>, RayPacket<N>)> {
+    let mut packet = RayPacket::new();
+    let mut faces = [false; N];
+    for (lane, (points, point, vpl)) in pairs.enumerate() {
+        let connection = points.position.get(point) - vpl.position;
+        [packet.org_x[lane], packet.org_y[lane], packet.org_z[lane]] = vpl.position.to_array();
+        [packet.dir_x[lane], packet.dir_y[lane], packet.dir_z[lane]] = connection.to_array();
+        faces[lane] = connection.dot(vpl.normal) > 0.0
+            && connection.dot(points.shading_normal.get(point)) < 0.0
+            && connection.dot(points.geometric_normal.get(point)) < 0.0;
+    }
+    let mask = LaneMask::from_lanes(faces);
+    (mask.count() > 0).then_some((mask, packet))
+}
+
+/// Time on a core, which other programs do not lengthen as they do the time by the clock.
+fn time(mut work: impl FnMut()) -> Duration {
+    let start = cpu_time();
+    work();
+    cpu_time().saturating_sub(start)
+}
+
+/// What this thread has run so far, by the kernel's scheduler statistics.
+fn cpu_time() -> Duration {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let nanoseconds = text
+        .split_whitespace()
+        .next()
+        .and_then(|number| number.parse().ok());
+    Duration::from_nanos(nanoseconds.unwrap_or_else(|| panic!("this benchmark needs Linux' schedstat")))
+}
+
+fn rate(rays: u64, times: &[Duration]) -> f64 {
+    rays as f64 / median(times.iter().map(Duration::as_secs_f64).collect()) / 1e6
+}
+
+/// Speed relative to the baseline, round by round.
+fn median_ratio(baseline: &[Duration], times: &[Duration]) -> f64 {
+    median(
+        baseline
+            .iter()
+            .zip(times)
+            .map(|(a, b)| a.as_secs_f64() / b.as_secs_f64())
+            .collect(),
+    )
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
