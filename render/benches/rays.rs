@@ -5,6 +5,12 @@
 //! ratios for the Cornell box and, where the scenes are, sibenik; then the other forms that packets
 //! could have.
 
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a benchmark prints its results"
+)]
+
 use std::{
     hint::black_box,
     path::{Path, PathBuf},
