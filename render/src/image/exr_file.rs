@@ -15,8 +15,9 @@ use super::{Picture, WriteError};
 /// Writes all layers, with the given names and texts as metadata.
 ///
 /// Channels: `R G B`, `direct.*`, `indirect.*` and `depth.Z` as 32-bit floats, `albedo.*` and
-/// `normal.*` as 16-bit floats, `samples.direct` and `samples.indirect` as 32-bit integers. Not
-/// compressed: a deadline has no time for it.
+/// `normal.*` as 16-bit floats, `samples.direct` and `samples.indirect` as 32-bit integers. Depth is 0
+/// where nothing is seen, since other programs stumble over infinity. Not compressed: a deadline has no
+/// time for it.
 ///
 /// # Errors
 /// When `out` cannot be written to.
@@ -57,10 +58,9 @@ fn channels(picture: &Picture) -> Vec<AnyChannel<FlatSamples>> {
     );
     add(["albedo.R", "albedo.G", "albedo.B"], &picture.albedo, &half);
     add(["normal.X", "normal.Y", "normal.Z"], &picture.normal, &half);
-    channels.push(AnyChannel::new(
-        "depth.Z",
-        FlatSamples::F32(picture.depth.clone()),
-    ));
+    let seen = |&depth: &f32| if depth.is_finite() { depth } else { 0.0 };
+    let depth = picture.depth.par_iter().map(seen).collect();
+    channels.push(AnyChannel::new("depth.Z", FlatSamples::F32(depth)));
     channels.push(AnyChannel::new(
         "samples.direct",
         FlatSamples::U32(picture.samples_direct.clone()),
