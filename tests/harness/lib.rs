@@ -1,1 +1,20 @@
-//! Shared pieces of the end-to-end tests.
+//! Shared pieces of the end-to-end tests: the programs as processes, their pictures, and peers that misbehave.
+//!
+//! The tests meet Gridlight as people and other programs do: by command lines, signals, sockets and
+//! files. Nothing here looks inside, but for [`peer`], which speaks the protocol.
+
+#![expect(
+    clippy::disallowed_methods,
+    reason = "wall time from outside is what a deadline means"
+)]
+
+pub mod log;
+pub mod master;
+pub mod peer;
+pub mod programs;
+pub mod worker;
+
+pub mod oiio;
+pub mod pixels;
+
+pub mod scenes;

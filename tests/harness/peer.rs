@@ -1,0 +1,168 @@
+//! A peer of the master that says whatever a test wants: bytes, or messages of the protocol.
+
+use std::{
+    io::{ErrorKind, Read as _, Write as _},
+    net::{SocketAddr, TcpStream},
+    time::Duration,
+};
+
+use protocol::{
+    FrameId, Radiance, Task, ToMaster, ToWorker,
+    envelope::{Decoded, Decoder, encode},
+    message::{Assign, Hello, Pong, Prepared, Request, TaskResult},
+    settings::Settings,
+    version::{MAGIC, PROTOCOL},
+};
+
+/// A master answers within this time, however busy the machine is.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A connection to a master.
+#[derive(Debug)]
+pub struct Peer {
+    stream: TcpStream,
+    decoder: Decoder,
+}
+
+/// A frame as a peer knows it.
+#[derive(Debug, Clone)]
+pub struct PeerFrame {
+    /// Its number.
+    pub id: FrameId,
+    /// The workload.
+    pub settings: Settings,
+    /// What the peer was given to do.
+    pub tasks: Vec<Task>,
+}
+
+impl Peer {
+    /// Connects and says nothing.
+    pub fn connect(master: SocketAddr) -> Self {
+        let stream = TcpStream::connect(master).expect("the master accepts connections");
+        stream
+            .set_read_timeout(Some(PATIENCE))
+            .expect("a timeout can be set");
+        let mut decoder = Decoder::new();
+        decoder.handshake_done();
+        Self { stream, decoder }
+    }
+
+    /// Joins as a worker of one slot and asks for tasks until it has some.
+    #[track_caller]
+    pub fn with_tasks(master: SocketAddr, name: &str) -> (Self, PeerFrame) {
+        let mut peer = Self::connect(master);
+        peer.send(&ToMaster::Hello(hello(name)));
+        let prepared = Prepared {
+            digest: None,
+            load_us: 1,
+            bvh_us: 1,
+        };
+        let frame = loop {
+            match peer.receive() {
+                Some(ToWorker::Prepare(_)) => peer.send(&ToMaster::Prepared(prepared.clone())),
+                Some(ToWorker::Frame(frame)) => break frame,
+                Some(_) => {}
+                None => panic!("the master closed before there was a frame"),
+            }
+        };
+        let request = Request {
+            frame: frame.frame,
+            tasks: 2,
+        };
+        peer.send(&ToMaster::Request(request));
+        let tasks = loop {
+            match peer.receive() {
+                Some(ToWorker::Assign(Assign { tasks, .. })) if !tasks.is_empty() => break tasks,
+                Some(_) => {}
+                None => panic!("the master closed before there were tasks"),
+            }
+        };
+        let frame = PeerFrame {
+            id: frame.frame,
+            settings: frame.settings,
+            tasks,
+        };
+        (peer, frame)
+    }
+
+    /// Sends bytes as they are.
+    pub fn send_bytes(&mut self, bytes: &[u8]) {
+        // A master that has closed already is what many tests are about.
+        let _ = self.stream.write_all(bytes);
+    }
+
+    /// Sends a message.
+    pub fn send(&mut self, message: &ToMaster) {
+        self.send_bytes(&encode(message).expect("a message within the limits"));
+    }
+
+    /// The next message, pings answered on the way; `None` if the master has closed.
+    #[track_caller]
+    pub fn receive(&mut self) -> Option<ToWorker> {
+        loop {
+            match self.decoder.decode().expect("a master speaks the protocol") {
+                Decoded::Message(ToWorker::Ping(ping)) => {
+                    self.send(&ToMaster::Pong(Pong { nonce: ping.nonce }));
+                }
+                Decoded::Message(message) => return Some(message),
+                Decoded::Incomplete { .. } => self.read().then_some(())?,
+            }
+        }
+    }
+
+    /// Waits until the master closes, and returns what it said before.
+    #[track_caller]
+    pub fn until_closed(mut self) -> Vec<ToWorker> {
+        let mut said = Vec::new();
+        while let Some(message) = self.receive() {
+            said.push(message);
+        }
+        said
+    }
+
+    /// False if the master has closed.
+    #[track_caller]
+    fn read(&mut self) -> bool {
+        match self.stream.read(self.decoder.space()) {
+            Ok(bytes) => {
+                self.decoder.filled(bytes);
+                bytes > 0
+            }
+            // The master did not read all that it was sent.
+            Err(error) if error.kind() == ErrorKind::ConnectionReset => false,
+            Err(error) => panic!("the master neither speaks nor closes: {error}"),
+        }
+    }
+}
+
+/// A hello as it should be.
+pub fn hello(name: &str) -> Hello {
+    Hello {
+        magic: MAGIC.to_owned(),
+        protocol: PROTOCOL,
+        version: "of a test".to_owned(),
+        name: name.to_owned(),
+        slots: 1,
+        token: None,
+    }
+}
+
+impl PeerFrame {
+    /// A result with the same value everywhere.
+    pub fn result(&self, task: Task, pixels: u32, value: f32) -> TaskResult {
+        TaskResult {
+            frame: self.id,
+            task,
+            pixels,
+            radiance: Radiance(vec![value; pixels as usize * task.component.floats_per_pixel()]),
+            primary_rays: 0,
+            shadow_rays: 0,
+            busy_us: 1,
+        }
+    }
+
+    /// Pixels of a task, if the picture divides evenly.
+    pub fn pixels_per_task(&self) -> u32 {
+        self.settings.width * self.settings.height / self.settings.groups
+    }
+}

@@ -1,0 +1,58 @@
+//! The executables beside the running test, signals to them, and what is said when a test is skipped.
+
+use std::{
+    env,
+    io::Write as _,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+/// The project's folder.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// An executable of the workspace, built for the same profile as the running test.
+pub fn program(name: &str) -> PathBuf {
+    let test = env::current_exe().expect("a running test has a path");
+    // target/<profile>/deps/<test>
+    let folder = test
+        .ancestors()
+        .nth(2)
+        .expect("tests are built into a folder of cargo's");
+    let program = folder.join(name);
+    assert!(
+        program.is_file(),
+        "{} is not built. The end-to-end tests start both programs: run `cargo test --workspace`, \
+         or `cargo build -p master -p worker` before testing this package alone",
+        program.display()
+    );
+    program
+}
+
+/// Sends a signal, by its name as `kill` knows it. A process that is gone gets none.
+pub fn signal(process: u32, name: &str) {
+    let sent = Command::new("kill")
+        .args(["-s", name, &process.to_string()])
+        .output();
+    sent.expect("`kill` is on every Unix");
+}
+
+/// The processes that a process has started and that are still there.
+pub fn children(process: u32) -> Vec<u32> {
+    let threads = std::fs::read_dir(format!("/proc/{process}/task"));
+    let lists = threads.into_iter().flatten().flatten().map(|thread| {
+        let list = std::fs::read_to_string(thread.path().join("children"));
+        list.unwrap_or_default()
+    });
+    let numbers = |list: String| -> Vec<u32> { list.split_whitespace().flat_map(str::parse).collect() };
+    lists.flat_map(numbers).collect()
+}
+
+/// Says aloud that something was not tested; past cargo's capture, which hides what passes.
+pub fn skipped(what: &str, why: &str) {
+    let line = format!("SKIPPED: {what}: {why}\n");
+    std::io::stderr()
+        .write_all(line.as_bytes())
+        .expect("standard error takes a line");
+}
