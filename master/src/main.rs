@@ -1,3 +1,7 @@
 //! The `master` program.
 
-fn main() {}
+use clap::Parser as _;
+
+fn main() {
+    master::run::run(&master::cli::Cli::parse());
+}

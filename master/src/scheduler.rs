@@ -292,6 +292,11 @@ impl Scheduler {
         self.workers.values().map(|worker| worker.slots).sum()
     }
 
+    /// When a worker must have sent what it has, as it was told last.
+    pub fn send_by(&self, worker: WorkerId) -> Option<FrameTime> {
+        self.workers.get(&worker)?.send_by
+    }
+
     /// Whether the tracing is over.
     pub fn is_closed(&self) -> bool {
         self.closed

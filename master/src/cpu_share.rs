@@ -1,0 +1,89 @@
+//! How much of the cores our threads get, from the system's own count.
+//!
+//! Linux tells for each thread how long it ran and how long it was ready but had to wait
+//! (`/proc/PID/task/TID/schedstat`). Where it does not, nothing is known.
+
+use std::{collections::BTreeMap, fs, path::PathBuf, time::Duration};
+
+/// Watches the threads of some processes.
+#[derive(Debug)]
+pub struct CpuShare {
+    task_folders: Vec<PathBuf>,
+    seen: BTreeMap<String, CpuTime>,
+}
+
+/// Added up over threads.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct CpuTime {
+    /// Time on a core.
+    pub ran: Duration,
+    /// Time on a core or waiting for one.
+    pub wanted: Duration,
+}
+
+impl CpuShare {
+    /// Watches this process.
+    pub fn of_this_process() -> Self {
+        Self {
+            task_folders: vec!["/proc/self/task".into()],
+            seen: BTreeMap::new(),
+        }
+    }
+
+    /// Watches another process too.
+    pub fn watch(&mut self, process: u32) {
+        self.task_folders.push(format!("/proc/{process}/task").into());
+    }
+
+    /// What has been used since the last look.
+    pub fn look(&mut self) -> CpuTime {
+        let mut sum = CpuTime::default();
+        let mut seen = BTreeMap::new();
+        for (thread, now) in self.threads() {
+            // A thread that is new counts from the next look on.
+            let before = self.seen.get(&thread).copied().unwrap_or(now);
+            sum.ran += now.ran.saturating_sub(before.ran);
+            sum.wanted += now.wanted.saturating_sub(before.wanted);
+            seen.insert(thread, now);
+        }
+        self.seen = seen;
+        sum
+    }
+
+    fn threads(&self) -> impl Iterator<Item = (String, CpuTime)> {
+        let folders = self
+            .task_folders
+            .iter()
+            .filter_map(|folder| fs::read_dir(folder).ok());
+        folders.flatten().flatten().filter_map(|thread| {
+            let times = fs::read_to_string(thread.path().join("schedstat")).ok()?;
+            Some((thread.file_name().into_string().ok()?, parse(&times)?))
+        })
+    }
+}
+
+/// Nanoseconds that a thread ran, nanoseconds that it waited, number of turns.
+fn parse(schedstat: &str) -> Option<CpuTime> {
+    let mut fields = schedstat.split_ascii_whitespace();
+    let mut next = || Some(Duration::from_nanos(fields.next()?.parse().ok()?));
+    let ran = next()?;
+    Some(CpuTime {
+        ran,
+        wanted: ran + next()?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_systems_line_is_understood() {
+        let expected = CpuTime {
+            ran: Duration::from_nanos(1_500),
+            wanted: Duration::from_micros(2),
+        };
+        assert_eq!(parse("1500 500 3\n"), Some(expected));
+        assert_eq!(parse(""), None);
+    }
+}

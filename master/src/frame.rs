@@ -1,0 +1,468 @@
+//! A frame while it is traced: turns what happens into events, and does what the scheduler decides.
+
+use std::{collections::VecDeque, num::NonZeroUsize, sync::Arc, time::Duration};
+
+use protocol::{
+    FrameId, ToMaster, ToWorker, WorkerId, limits,
+    message::{Assign, EndFrame, Prepare, SceneRef, Shutdown, TaskResult},
+};
+use render::{
+    buffer::FrameBuffers,
+    pixel_group::PixelGroups,
+    settings::Settings,
+    task::{RayCounts, Task},
+};
+
+use crate::{
+    clock::Clock,
+    connection::{Arrival, Joined},
+    deadline::Ledger,
+    frame_time::FrameTime,
+    job::Job,
+    plan::TaskQueues,
+    prepare::Traceable,
+    roster::Roster,
+    scheduler::{Action, Event, Extent, Promise, Scheduler},
+    wire,
+};
+
+/// One process renders one frame.
+const FRAME: FrameId = FrameId(1);
+/// After a signal workers have this long to send what they have, besides their Δt.
+const INTERRUPT_WITHIN: Duration = Duration::from_millis(20);
+
+/// A frame, from the first worker to the last result.
+#[derive(Debug)]
+pub struct Frame {
+    clock: Clock,
+    delta_t: Option<Duration>,
+    prepare: ToWorker,
+    promise: Promise,
+    ledger: Option<Ledger>,
+    roster: Roster,
+    tracing: Option<Tracing>,
+    digest: Option<String>,
+    interrupted: bool,
+    /// Events that came up while actions were carried out.
+    deferred: VecDeque<Event>,
+}
+
+/// What there is once rays can be traced.
+#[derive(Debug)]
+struct Tracing {
+    scheduler: Scheduler,
+    buffers: Option<FrameBuffers>,
+    groups: Arc<PixelGroups>,
+    begin: Arc<ToWorker>,
+    rays: RayCounts,
+    busy: Duration,
+    first_task: Option<FrameTime>,
+    last_result: Option<FrameTime>,
+}
+
+impl Frame {
+    /// Nobody is here, nothing is ready.
+    pub fn new(job: &Job, clock: Clock) -> Self {
+        let path = std::path::absolute(&job.scene).unwrap_or_else(|_| job.scene.clone());
+        let scene = SceneRef {
+            path: path.to_string_lossy().into_owned(),
+            digest: None,
+        };
+        Self {
+            clock,
+            delta_t: job.delta_t,
+            prepare: ToWorker::Prepare(Prepare { scene }),
+            promise: match job.deadline {
+                Some(_) => Promise::Deadline,
+                None => Promise::FullWorkload,
+            },
+            ledger: job.deadline.map(|deadline| {
+                let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+                Ledger::new(deadline, job.size_expected().pixel_count(), cores)
+            }),
+            roster: Roster::default(),
+            tracing: None,
+            digest: None,
+            interrupted: false,
+            deferred: VecDeque::new(),
+        }
+    }
+
+    /// Something came from the network.
+    pub fn arrived(&mut self, arrival: Arrival) {
+        match arrival {
+            Arrival::Joined(joined) => self.joined(joined),
+            Arrival::Said { worker, message } => self.said(worker, message),
+            Arrival::Left { worker, fault } => {
+                let why = fault.unwrap_or_else(|| "it closed the connection".to_owned());
+                self.left(worker, &why);
+            }
+        }
+        self.settle();
+    }
+
+    /// The scene of this process is in memory: others must have the same.
+    pub fn scene_loaded(&mut self, digest: String) {
+        self.digest = Some(digest);
+        for worker in self.roster.ids() {
+            self.check_scene(worker);
+        }
+        self.settle();
+    }
+
+    /// Rays can be traced: tasks can be handed out.
+    pub fn traceable(&mut self, settings: &Settings, traceable: &Traceable) {
+        let queues = TaskQueues::new(settings);
+        let frame = wire::frame_to_wire(FRAME, settings, &traceable.vpl_sets);
+        let begin = Arc::new(ToWorker::Frame(frame));
+        self.tracing = Some(Tracing {
+            scheduler: Scheduler::new(queues, self.promise, limits::LEASES_PER_SLOT),
+            buffers: Some(FrameBuffers::new(settings, Arc::clone(&traceable.groups))),
+            groups: Arc::clone(&traceable.groups),
+            begin: Arc::clone(&begin),
+            rays: RayCounts::default(),
+            busy: Duration::ZERO,
+            first_task: None,
+            last_result: None,
+        });
+        self.move_cut_off();
+        for worker in self.roster.ids() {
+            self.send(worker, (*begin).clone());
+            self.check_ready(worker);
+        }
+        self.settle();
+    }
+
+    /// A new prediction of the finish phase is there, or time has passed.
+    pub fn move_cut_off(&mut self) {
+        let (Some(ledger), true) = (&self.ledger, self.tracing.is_some()) else {
+            return;
+        };
+        if !self.interrupted {
+            let at = ledger.cut_off();
+            self.handle(Event::CutOff { at }, None);
+        }
+    }
+
+    /// The timer of [`Self::timeout`] has fired.
+    pub fn tick(&mut self) {
+        self.handle(Event::Tick, None);
+    }
+
+    /// A sign of life to everyone.
+    pub fn ping(&mut self) {
+        let now = self.clock.now();
+        self.roster.ping_all(now);
+    }
+
+    /// A signal ends the tracing: what workers have done so far is collected.
+    pub fn interrupt(&mut self) {
+        self.interrupted = true;
+        let longest = self.roster.delta_t_longest() + INTERRUPT_WITHIN;
+        let at = self.clock.now() + longest;
+        self.handle(Event::CutOff { at }, None);
+    }
+
+    /// When to call [`Self::tick`].
+    pub fn timeout(&self) -> Option<FrameTime> {
+        match &self.tracing {
+            Some(tracing) => tracing.scheduler.poll_timeout(),
+            None => None,
+        }
+    }
+
+    /// Whether tasks have been handed out.
+    pub fn has_begun(&self) -> bool {
+        self.tracing
+            .as_ref()
+            .is_some_and(|tracing| tracing.first_task.is_some())
+    }
+
+    /// Whether the tracing is over.
+    pub fn is_closed(&self) -> bool {
+        self.tracing
+            .as_ref()
+            .is_some_and(|tracing| tracing.scheduler.is_closed())
+    }
+
+    /// The prediction of the finish phase.
+    pub fn ledger(&mut self) -> Option<&mut Ledger> {
+        self.ledger.as_mut()
+    }
+
+    /// Everyone.
+    pub fn roster(&self) -> &Roster {
+        &self.roster
+    }
+
+    /// What the scheduler has counted.
+    pub fn scheduler(&self) -> Option<&Scheduler> {
+        self.tracing.as_ref().map(|tracing| &tracing.scheduler)
+    }
+
+    /// Rays of all results that counted.
+    pub fn rays(&self) -> RayCounts {
+        self.tracing
+            .as_ref()
+            .map_or(RayCounts::default(), |tracing| tracing.rays)
+    }
+
+    /// Time that slots spent on results that counted, and from the first task to the last result.
+    pub fn times(&self) -> (Duration, Duration) {
+        let Some(tracing) = &self.tracing else {
+            return (Duration::ZERO, Duration::ZERO);
+        };
+        let wall = match (tracing.first_task, tracing.last_result) {
+            (Some(first), Some(last)) => first.until(last),
+            _ => Duration::ZERO,
+        };
+        (tracing.busy, wall)
+    }
+
+    /// All light; to be taken once, when the frame is closed.
+    pub fn take_buffers(&mut self) -> Option<FrameBuffers> {
+        self.tracing.as_mut()?.buffers.take()
+    }
+
+    /// Tells everyone that there is nothing more to do.
+    pub fn dismiss(&mut self) {
+        self.roster
+            .send_all(&ToWorker::EndFrame(EndFrame { frame: FRAME }));
+        self.roster.send_all(&ToWorker::Shutdown(Shutdown {}));
+    }
+
+    fn joined(&mut self, joined: Joined) {
+        tracing::info!(name = joined.hello.name, address = %joined.address, slots = joined.hello.slots, "a worker joined");
+        let worker = self.roster.join(joined);
+        self.roster.ping_all(self.clock.now());
+        self.send(worker, self.prepare.clone());
+        if let Some(begin) = self.tracing.as_ref().map(|tracing| Arc::clone(&tracing.begin)) {
+            self.send(worker, (*begin).clone());
+        }
+    }
+
+    fn said(&mut self, worker: WorkerId, message: ToMaster) {
+        match message {
+            ToMaster::Prepared(prepared) => {
+                if let Some(member) = self.roster.get(worker) {
+                    member.prepared = Some(prepared.digest);
+                }
+                self.check_scene(worker);
+                self.check_ready(worker);
+            }
+            ToMaster::Request(request) if request.frame == FRAME => {
+                let count = request.tasks;
+                self.handle(Event::Request { worker, count }, None);
+            }
+            ToMaster::Result(result) if result.frame == FRAME => self.result(worker, &result),
+            ToMaster::Failed(failed) => {
+                tracing::warn!(%worker, what = ?failed.what, reason = failed.message, "a worker failed");
+                if let Some(task) = failed.task {
+                    let task = wire::task_from_wire(task);
+                    let extent = Extent::Nothing;
+                    self.handle(Event::Completed { worker, task, extent }, None);
+                }
+            }
+            ToMaster::Pong(pong) => {
+                let delta_t = self.roster.pong(worker, pong.nonce, self.clock.now());
+                self.delta_t(worker, delta_t);
+            }
+            ToMaster::Leaving(leaving) => {
+                tracing::info!(%worker, reason = leaving.reason, "a worker leaves");
+            }
+            // Of another frame, and so too late to matter.
+            ToMaster::Request(_) | ToMaster::Result(_) => {}
+            other => {
+                let name = protocol::message::Message::name(&other);
+                self.send_away(worker, &format!("it sent a `{name}` in mid-frame"));
+            }
+        }
+    }
+
+    fn left(&mut self, worker: WorkerId, why: &str) {
+        let Some(member) = self.roster.leave(worker, why) else {
+            return;
+        };
+        if !self.is_closed() {
+            tracing::warn!(name = member.name, why, "a worker is gone");
+        }
+        self.handle(Event::WorkerLeft { worker }, None);
+    }
+
+    /// Closes the connection of a worker that broke the rules.
+    fn send_away(&mut self, worker: WorkerId, why: &str) {
+        if let Some(member) = self.roster.leave(worker, why) {
+            tracing::warn!(name = member.name, why, "a worker was sent away");
+        }
+        self.deferred.push_back(Event::WorkerLeft { worker });
+    }
+
+    fn check_scene(&mut self, worker: WorkerId) {
+        let theirs = self
+            .roster
+            .get(worker)
+            .and_then(|member| member.prepared.clone().flatten());
+        if let (Some(ours), Some(theirs)) = (&self.digest, theirs)
+            && *ours != theirs
+        {
+            self.send_away(worker, "its files of the scene differ from ours");
+        }
+    }
+
+    fn check_ready(&mut self, worker: WorkerId) {
+        let has_begun = self.tracing.is_some();
+        let Some(member) = self.roster.get(worker) else {
+            return;
+        };
+        if has_begun && member.prepared.is_some() && !member.ready {
+            member.ready = true;
+            let slots = member.slots;
+            let delta_t = member.link.delta_t(slots);
+            self.handle(Event::WorkerReady { worker, slots }, None);
+            self.delta_t(worker, Some(delta_t));
+        }
+    }
+
+    fn delta_t(&mut self, worker: WorkerId, measured: Option<Duration>) {
+        let Some(delta_t) = self.delta_t.or(measured) else {
+            return;
+        };
+        if let Some(report) = self.roster.report(worker) {
+            report.delta_t_s = delta_t.as_secs_f64();
+        }
+        self.handle(Event::DeltaT { worker, delta_t }, None);
+    }
+
+    /// A result, from wherever it came.
+    fn result(&mut self, worker: WorkerId, result: &TaskResult) {
+        let Some(tracing) = &self.tracing else {
+            return self.send_away(worker, "it sent a result before the frame began");
+        };
+        let task = wire::task_from_wire(result.task);
+        let Some(extent) = extent(&tracing.groups, task, result.pixels) else {
+            return self.deferred.push_back(Event::Unusable { worker, task });
+        };
+        self.handle(Event::Completed { worker, task, extent }, Some(result));
+        self.measure(worker, result);
+    }
+
+    /// Learns from a result how fast the worker is.
+    fn measure(&mut self, worker: WorkerId, result: &TaskResult) {
+        let Some(tracing) = &self.tracing else {
+            return;
+        };
+        let chunks = result.pixels.div_ceil(tracing.groups.chunk_pixels() as u32);
+        if let Some(member) = self.roster.get(worker) {
+            let busy = Duration::from_micros(result.busy_us);
+            member.link.result(result.radiance.bytes(), chunks, busy);
+        }
+    }
+
+    /// Gives one event to the scheduler and does what it says. `result` is the one that the event is
+    /// about.
+    fn handle(&mut self, event: Event, result: Option<&TaskResult>) {
+        let now = self.clock.now();
+        if let Some(tracing) = &mut self.tracing {
+            tracing.scheduler.handle(now, event);
+        }
+        while let Some(action) = self
+            .tracing
+            .as_mut()
+            .and_then(|tracing| tracing.scheduler.poll_action())
+        {
+            self.act(action, result);
+        }
+        self.settle();
+    }
+
+    /// Handles what came up on the way.
+    fn settle(&mut self) {
+        while let Some(event) = self.deferred.pop_front() {
+            self.handle(event, None);
+        }
+    }
+
+    fn act(&mut self, action: Action, result: Option<&TaskResult>) {
+        match action {
+            Action::Assign { worker, tasks } => self.assign(worker, &tasks),
+            Action::SendBy { worker, .. } => self.assign(worker, &[]),
+            Action::Add { worker, task } => {
+                if let Some(result) = result {
+                    self.add(worker, task, result);
+                }
+            }
+            Action::Disconnect { worker, fault } => self.send_away(worker, &fault.to_string()),
+            Action::Close(closing) => {
+                tracing::debug!(?closing, at = %self.clock.now(), "the tracing is over");
+                self.roster
+                    .send_all(&ToWorker::EndFrame(EndFrame { frame: FRAME }));
+            }
+        }
+    }
+
+    fn assign(&mut self, worker: WorkerId, tasks: &[Task]) {
+        let now = self.clock.now();
+        let Some(tracing) = &mut self.tracing else {
+            return;
+        };
+        let send_by = tracing.scheduler.send_by(worker);
+        let assign = Assign {
+            frame: FRAME,
+            tasks: tasks.iter().copied().map(wire::task_to_wire).collect(),
+            send_within_us: send_by.map(|at| now.until(at).as_micros() as u64),
+        };
+        if !tasks.is_empty() {
+            tracing.first_task.get_or_insert(now);
+        }
+        self.send(worker, ToWorker::Assign(assign));
+    }
+
+    /// The one way by which light enters the picture.
+    fn add(&mut self, worker: WorkerId, task: Task, result: &TaskResult) {
+        let now = self.clock.now();
+        let Some(tracing) = &mut self.tracing else {
+            return;
+        };
+        let Some(buffers) = &mut tracing.buffers else {
+            return;
+        };
+        if let Err(error) = buffers.add(task, &result.radiance.0) {
+            tracing::warn!(%worker, %error, "a result was refused");
+            return self.deferred.push_back(Event::Unusable { worker, task });
+        }
+        let rays = RayCounts {
+            primary: result.primary_rays,
+            shadow: result.shadow_rays,
+        };
+        let busy = Duration::from_micros(result.busy_us);
+        tracing.rays += rays;
+        tracing.busy += busy;
+        tracing.last_result = Some(now);
+        if let Some(report) = self.roster.report(worker) {
+            report.tasks += 1;
+            report.rays = report
+                .rays
+                .saturating_add(rays.primary)
+                .saturating_add(rays.shadow);
+            report.busy_s += busy.as_secs_f64();
+        }
+    }
+
+    fn send(&mut self, worker: WorkerId, message: ToWorker) {
+        if !self.roster.send(worker, message) {
+            self.send_away(worker, "it does not read what it is sent");
+        }
+    }
+}
+
+/// `None`: no beginning of the group, so no result of this task.
+fn extent(groups: &PixelGroups, task: Task, pixels: u32) -> Option<Extent> {
+    if task.group as usize >= groups.len() || !groups.is_prefix(task.group, pixels as usize) {
+        return None;
+    }
+    Some(match pixels as usize {
+        0 => Extent::Nothing,
+        pixels if pixels == groups.pixels(task.group).len() => Extent::Whole,
+        _ => Extent::Prefix,
+    })
+}

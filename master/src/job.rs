@@ -1,0 +1,257 @@
+//! What is asked for: the command line, checked and made complete.
+
+use std::{net::SocketAddr, path::PathBuf, time::Duration};
+
+use render::{
+    reconstruct::Reconstruction,
+    scene::{ImageSize, Scene},
+    settings::{Algorithm, LightPoints, Settings, SettingsError},
+};
+
+use crate::{
+    cli::{AlgorithmName, Auto, Clamp, Integrator, ReconstructionName, RenderArgs},
+    deliver::{DeliverError, PictureFiles},
+    exit::{Exit, Failure, OrExit},
+    frame_time::FrameTime,
+    scene_path,
+};
+
+/// Picture size of the paper.
+const PAPER_SIZE: ImageSize = ImageSize {
+    width: 1024,
+    height: 768,
+};
+/// Paths for each pixel of the reference.
+const PATHS_DEFAULT: u32 = 256;
+/// A VPL nearer than this share of the scene's extent counts as if it were this far away.
+const CLAMP_DISTANCE_SHARE: f32 = 0.05;
+/// See [`RenderArgs::min_set_percent`].
+const MIN_SET_PERCENT_DEFAULT: f32 = 25.0;
+
+/// A picture to be made.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// `None`: the full workload, however long it takes.
+    pub deadline: Option<FrameTime>,
+    /// The scene file.
+    pub scene: PathBuf,
+    /// What `$GRIDLIGHT_SCENES` stands for.
+    pub scenes_dir: PathBuf,
+    /// Where the picture goes.
+    pub files: PictureFiles,
+    /// Where the report goes.
+    pub report: Option<PathBuf>,
+    /// What makes the light.
+    pub integrator: Integrator,
+    /// Whether this is the paper's renderer.
+    pub paper: bool,
+    /// Flags that override a value of the paper.
+    pub overrides: Vec<&'static str>,
+    /// How missing pixels are filled in.
+    pub reconstruction: Reconstruction,
+    /// Share of pixels under which a set is left out.
+    pub min_set_percent: f32,
+    /// Brightness of the PNG.
+    pub exposure_stops: f32,
+    /// The paper's Δt, if it is not to be measured.
+    pub delta_t: Option<Duration>,
+    /// Where workers connect.
+    pub listen: SocketAddr,
+    /// Slots of the worker that this process starts.
+    pub local_slots: u32,
+    workload: Workload,
+}
+
+/// The flags that make up the settings, as given.
+#[derive(Debug, Clone, Copy)]
+struct Workload {
+    algorithm: Algorithm,
+    size: Option<ImageSize>,
+    groups: Option<u32>,
+    spp: Option<u32>,
+    vpls: Option<u32>,
+    vpl_sets: Option<u32>,
+    seed: u64,
+    clamp: Clamp,
+    light_points: LightPoints,
+}
+
+impl Job {
+    /// Checks all that can be checked without reading the scene.
+    pub fn new(args: &RenderArgs) -> Result<Self, Failure> {
+        let workload = Workload::new(args);
+        workload
+            .settings(workload.size.unwrap_or(PAPER_SIZE), None)
+            .validate()
+            .or_exit(Exit::Usage)?;
+        let files = PictureFiles::new(&args.out, args.no_png).map_err(|error| {
+            let exit = match error {
+                DeliverError::Extension(_) => Exit::Usage,
+                _ => Exit::Output,
+            };
+            Failure::new(exit, anyhow::Error::new(error).context("--out"))
+        })?;
+        Ok(Self {
+            deadline: (!args.no_deadline).then(|| FrameTime::after_start(args.deadline)),
+            scene: args.scene.clone().unwrap_or_else(scene_path::default_scene),
+            scenes_dir: scene_path::scenes_dir(),
+            files,
+            report: args.report.clone(),
+            integrator: args.integrator.unwrap_or(Integrator::Vpl),
+            paper: args.paper,
+            overrides: if args.paper { overrides(args) } else { Vec::new() },
+            reconstruction: match args.reconstruction {
+                None | Some(ReconstructionName::Nearest) => Reconstruction::Nearest,
+                Some(ReconstructionName::None) => Reconstruction::None,
+            },
+            min_set_percent: args.min_set_percent.unwrap_or(MIN_SET_PERCENT_DEFAULT),
+            exposure_stops: args.exposure,
+            delta_t: match args.delta_t {
+                Auto::Given(delta_t) => Some(delta_t),
+                Auto::Auto => None,
+            },
+            listen: args.listen,
+            local_slots: args.local_slots.or_one_per_core(),
+            workload,
+        })
+    }
+
+    /// The settings for a scene.
+    pub fn settings(&self, scene: &Scene) -> Result<Settings, SettingsError> {
+        let size = self.workload.size.unwrap_or(scene.image);
+        let settings = self.workload.settings(size, Some(scene.extent()));
+        settings.validate()?;
+        Ok(settings)
+    }
+
+    /// The settings as far as they are known before the scene is, for a picture of another size.
+    pub fn settings_at(&self, size: ImageSize) -> Settings {
+        self.workload.settings(size, None)
+    }
+
+    /// Paths for each pixel of the reference.
+    pub fn paths(&self) -> u32 {
+        self.workload.spp.unwrap_or(PATHS_DEFAULT)
+    }
+
+    /// The picture's size as far as it is known before the scene is.
+    pub fn size_expected(&self) -> ImageSize {
+        self.workload.size.unwrap_or(PAPER_SIZE)
+    }
+}
+
+impl Workload {
+    fn new(args: &RenderArgs) -> Self {
+        Self {
+            algorithm: match args.algorithm {
+                None | Some(AlgorithmName::Component) => Algorithm::Component,
+                Some(AlgorithmName::Straightforward) => Algorithm::Straightforward,
+            },
+            size: args.size.or(args.paper.then_some(PAPER_SIZE)),
+            groups: args.groups,
+            spp: args.spp,
+            vpls: args.vpls,
+            vpl_sets: args.vpl_sets,
+            seed: args.seed.unwrap_or(0),
+            clamp: args.clamp.unwrap_or(Clamp::Auto),
+            light_points: if args.paper {
+                LightPoints::PerPass
+            } else {
+                LightPoints::PerPixel
+            },
+        }
+    }
+
+    /// `extent`: size of the scene in scene units, once it is known.
+    fn settings(&self, size: ImageSize, extent: Option<f32>) -> Settings {
+        let paper = Settings::paper(self.algorithm, size);
+        Settings {
+            groups: self.groups.unwrap_or(paper.groups),
+            spp: self.spp.unwrap_or(paper.spp),
+            vpls: self.vpls.unwrap_or(paper.vpls),
+            vpl_sets: self.vpl_sets.unwrap_or(paper.vpl_sets),
+            seed: self.seed,
+            geometry_clamp: match (self.clamp, extent) {
+                (Clamp::Bound(bound), _) => Some(bound),
+                (Clamp::Auto, Some(extent)) => Some((CLAMP_DISTANCE_SHARE * extent).powi(-2)),
+                (Clamp::None, _) | (Clamp::Auto, None) => None,
+            },
+            light_points: self.light_points,
+            ..paper
+        }
+    }
+}
+
+/// The given flags of which the paper says something else.
+fn overrides(args: &RenderArgs) -> Vec<&'static str> {
+    let given = [
+        ("--size", args.size.is_some()),
+        ("--groups", args.groups.is_some()),
+        ("--spp", args.spp.is_some()),
+        ("--vpls", args.vpls.is_some()),
+        ("--vpl-sets", args.vpl_sets.is_some()),
+        ("--clamp", args.clamp.is_some()),
+        ("--reconstruction", args.reconstruction.is_some()),
+        ("--min-set-percent", args.min_set_percent.is_some()),
+    ];
+    given
+        .into_iter()
+        .filter_map(|(flag, given)| given.then_some(flag))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::cli::Cli;
+
+    fn job(flags: &str) -> Result<Job, Failure> {
+        let cli = Cli::try_parse_from(format!("master {flags}").split_whitespace()).unwrap();
+        Job::new(&cli.render)
+    }
+
+    fn settings(flags: &str) -> Settings {
+        let job = job(flags).unwrap();
+        job.workload.settings(job.size_expected(), Some(100.0))
+    }
+
+    #[test]
+    fn paper_has_the_papers_parameters() {
+        for algorithm in [Algorithm::Component, Algorithm::Straightforward] {
+            let flag = format!("--paper --algorithm {algorithm:?}").to_lowercase();
+            let expected = Settings {
+                geometry_clamp: Some(1.0 / 25.0),
+                ..Settings::paper(algorithm, PAPER_SIZE)
+            };
+            assert_eq!(settings(&flag), expected);
+        }
+        assert_eq!(job("--paper").unwrap().overrides, [""; 0]);
+    }
+
+    #[test]
+    fn flags_override_single_values_of_the_paper_and_are_named() {
+        let flags = "--paper --vpls 64 --spp 4 --seed 7";
+        assert_eq!(job(flags).unwrap().overrides, ["--spp", "--vpls"]);
+        let settings = settings(flags);
+        assert_eq!(
+            (settings.vpls, settings.spp, settings.groups, settings.seed),
+            (64, 4, 64, 7)
+        );
+    }
+
+    #[test]
+    fn impossible_workloads_are_refused_before_anything_starts() {
+        for flags in [
+            "--spp 0",
+            "--vpls 0",
+            "--groups 0",
+            "--vpl-sets 0",
+            "--vpl-sets 15",
+        ] {
+            let failure = job(flags).unwrap_err();
+            assert_eq!(failure.exit, Exit::Usage, "{flags}");
+        }
+    }
+}

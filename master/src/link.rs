@@ -1,0 +1,124 @@
+//! How long a worker's last results take to come: the paper's Δt, estimated with every message.
+//!
+//! Δt = a round trip + one chunk of rays + the time on the wire of what all slots send at once.
+//! A *whole* round trip: the worker counts its time from when it reads the message, which is one way
+//! late, and the results take the other way. Round trips are taken near their largest: pongs wait
+//! behind pixels and behind other programs exactly as results do.
+
+use std::{collections::VecDeque, time::Duration};
+
+/// Measurements that are remembered of each kind.
+const RECENT: usize = 32;
+/// The share of the remembered measurements that may be larger than the estimate.
+const TAIL_DIVISOR: usize = 16;
+/// Assumed until something is measured.
+const ROUND_TRIP_UNKNOWN: Duration = Duration::from_millis(4);
+/// As in the largest task of the paper's settings.
+const CHUNK_UNKNOWN: Duration = Duration::from_millis(2);
+/// What the slowest network we plan for carries: 100 Mbit/s.
+const BYTES_PER_SECOND_MIN: f64 = 12.5e6;
+
+/// What is known of the way to one worker.
+#[derive(Debug, Clone, Default)]
+pub struct Link {
+    round_trips: Recent,
+    chunks: Recent,
+    result_bytes: f64,
+    bytes_per_second: f64,
+}
+
+impl Link {
+    /// A ping was answered.
+    pub fn round_trip(&mut self, duration: Duration) {
+        self.round_trips.push(duration);
+    }
+
+    /// A result came: this many bytes, from this many chunks that took a slot this long.
+    pub fn result(&mut self, bytes: usize, chunks: u32, busy: Duration) {
+        if chunks > 0 {
+            self.chunks.push(busy / chunks);
+        }
+        self.result_bytes = self.result_bytes.max(bytes as f64);
+    }
+
+    /// Bytes came one after the other without a pause.
+    pub fn throughput(&mut self, bytes: usize, duration: Duration) {
+        let rate = bytes as f64 / duration.as_secs_f64();
+        if rate.is_finite() {
+            self.bytes_per_second = self.bytes_per_second.max(rate);
+        }
+    }
+
+    /// How long before the cut-off a worker with so many slots must stop.
+    pub fn delta_t(&self, slots: u32) -> Duration {
+        let flush_bytes = self.result_bytes * f64::from(slots);
+        let flush = flush_bytes / self.bytes_per_second.max(BYTES_PER_SECOND_MIN);
+        self.round_trips.high().unwrap_or(ROUND_TRIP_UNKNOWN)
+            + self.chunks.high().unwrap_or(CHUNK_UNKNOWN)
+            + Duration::from_secs_f64(flush)
+    }
+}
+
+/// The last measurements of a duration.
+#[derive(Debug, Clone, Default)]
+pub struct Recent {
+    durations: VecDeque<Duration>,
+}
+
+impl Recent {
+    /// Remembers one, and forgets the oldest.
+    pub fn push(&mut self, duration: Duration) {
+        if self.durations.len() == RECENT {
+            self.durations.pop_front();
+        }
+        self.durations.push_back(duration);
+    }
+
+    /// A duration that few are above: the largest but for one in sixteen.
+    pub fn high(&self) -> Option<Duration> {
+        let mut sorted: Vec<Duration> = self.durations.iter().copied().collect();
+        sorted.sort_unstable();
+        let above = sorted.len() / TAIL_DIVISOR;
+        sorted.into_iter().rev().nth(above)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn ms(milliseconds: u64) -> Duration {
+        Duration::from_millis(milliseconds)
+    }
+
+    #[test]
+    fn delta_t_adds_the_round_trip_a_chunk_and_the_last_results_of_all_slots() {
+        let mut link = Link::default();
+        link.round_trip(ms(2));
+        link.result(125_000, 10, ms(30));
+        link.throughput(125_000, ms(1));
+        // Four slots with 125 kB each at 125 MB/s.
+        assert_eq!(link.delta_t(4), ms(2 + 3 + 4));
+    }
+
+    #[test]
+    fn a_single_hiccup_among_many_round_trips_does_not_count() {
+        let mut link = Link::default();
+        link.result(0, 1, ms(0));
+        for _ in 0..31 {
+            link.round_trip(ms(1));
+        }
+        link.round_trip(ms(500));
+        assert_eq!(link.delta_t(1), ms(1));
+    }
+
+    #[test]
+    fn a_way_that_has_become_slow_is_believed_after_a_few_measurements() {
+        let mut link = Link::default();
+        link.result(0, 1, ms(0));
+        for milliseconds in [1, 1, 1, 1, 40, 40, 40] {
+            link.round_trip(ms(milliseconds));
+        }
+        assert_eq!(link.delta_t(1), ms(40));
+    }
+}

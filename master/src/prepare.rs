@@ -1,0 +1,119 @@
+//! Makes a frame ready on a thread of its own: scene, BVH, VPLs, and what the eye sees first.
+
+use std::{path::Path, sync::Arc, thread, time::Duration};
+
+use render::{
+    gbuffer::{Aovs, trace_aovs},
+    intersect::TracedScene,
+    pixel_group::PixelGroups,
+    scene::load::{LoadOptions, LoadedScene, load},
+    settings::Settings,
+    vpl::{VplSet, trace_sets},
+};
+use tokio::sync::mpsc;
+
+use crate::{
+    cli::Integrator,
+    clock::Clock,
+    exit::{Exit, Failure, OrExit},
+    job::Job,
+};
+
+/// What has become ready. Comes in this order.
+#[derive(Debug)]
+pub enum Ready {
+    /// The scene is in memory.
+    Loaded(Loaded),
+    /// Tasks can be handed out.
+    Traceable(Traceable),
+    /// The picture can be assembled.
+    Aovs(Arc<Aovs>),
+}
+
+/// A scene in memory.
+#[derive(Debug)]
+pub struct Loaded {
+    /// Digest of its files, as text.
+    pub digest: String,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// What people should know.
+    pub notes: Vec<String>,
+    /// The workload.
+    pub settings: Settings,
+    /// Time to read the files.
+    pub load: Duration,
+}
+
+/// A scene in which rays can be traced.
+#[derive(Debug)]
+pub struct Traceable {
+    /// The scene and its BVH.
+    pub scene: Arc<TracedScene>,
+    /// Which pixels each group has.
+    pub groups: Arc<PixelGroups>,
+    /// The VPLs, traced once for all workers: other processors would find other hits, and one VPL that
+    /// differs is a seam over the whole image.
+    pub vpl_sets: Vec<VplSet>,
+    /// Time to build the BVH.
+    pub bvh: Duration,
+}
+
+/// Starts the thread. The channel ends after the last step, or with the failure.
+pub fn start(job: &Job, clock: Clock) -> mpsc::UnboundedReceiver<Result<Ready, Failure>> {
+    let (sender, receiver) = mpsc::unbounded_channel();
+    let job = job.clone();
+    thread::spawn(move || {
+        let steps = sender.clone();
+        // If nobody listens any more the program is ending.
+        let tell = |ready| drop(steps.send(Ok(ready)));
+        if let Err(failure) = prepare(&job, clock, tell) {
+            let _ = sender.send(Err(failure));
+        }
+    });
+    receiver
+}
+
+fn prepare(job: &Job, clock: Clock, tell: impl Fn(Ready)) -> Result<(), Failure> {
+    let options = LoadOptions {
+        scenes_dir: job.scenes_dir.clone(),
+    };
+    let (loaded, load) = clock.time(|| load_scene(&job.scene, &options));
+    let loaded = loaded?;
+    let settings = job.settings(&loaded.scene).or_exit(Exit::Usage)?;
+    tell(Ready::Loaded(Loaded {
+        digest: hex(&loaded.digest),
+        triangles: loaded.scene.mesh.triangles.len(),
+        notes: loaded.notes.iter().map(ToString::to_string).collect(),
+        settings,
+        load,
+    }));
+
+    let ((scene, bvh), groups) = rayon::join(
+        || clock.time(|| TracedScene::build(loaded.scene)),
+        || Arc::new(PixelGroups::new(&settings)),
+    );
+    let scene = Arc::new(scene.or_exit(Exit::Scene)?);
+    let vpl_sets = match job.integrator {
+        Integrator::Vpl => trace_sets(&scene, &settings),
+        Integrator::Path => Vec::new(),
+    };
+    tell(Ready::Traceable(Traceable {
+        scene: Arc::clone(&scene),
+        groups,
+        vpl_sets,
+        bvh,
+    }));
+    tell(Ready::Aovs(Arc::new(trace_aovs(&scene, settings.size))));
+    Ok(())
+}
+
+fn load_scene(path: &Path, options: &LoadOptions) -> Result<LoadedScene, Failure> {
+    load(path, options).or_exit(Exit::Scene)
+}
+
+fn hex(digest: &[u8]) -> String {
+    digest
+        .iter()
+        .fold(String::new(), |text, byte| text + &format!("{byte:02x}"))
+}

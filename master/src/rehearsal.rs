@@ -1,0 +1,187 @@
+//! Rehearses the finish phase on fewer pixels of made-up light, to know how long it will take.
+
+use std::{path::Path, sync::Arc, time::Duration};
+
+use render::{
+    buffer::FrameBuffers, gbuffer::Aovs, pixel_group::PixelGroups, reconstruct::Reconstruction,
+    scene::ImageSize, settings::Settings,
+};
+
+use crate::{
+    clock::thread_cpu_time,
+    deadline::FinishWork,
+    deliver::PictureFiles,
+    exit::{Exit, Failure, OrExit},
+    finish::{self, Material},
+    job::Job,
+    plan::TaskQueues,
+};
+
+/// Processor time that a rehearsal may take, as a share of the deadline.
+const BUDGET_SHARE: f64 = 0.04;
+/// What a rehearsal takes for each of its pixels on an ordinary machine.
+const COST_PER_PIXEL: Duration = Duration::from_nanos(500);
+/// The same for each set of virtual point lights.
+const COST_PER_PIXEL_AND_SET: Duration = Duration::from_nanos(40);
+/// Fewer pixels than this tell nothing.
+const PIXELS_MIN: f64 = 16_384.0;
+/// The gap between what was rehearsed and what was measured afterwards: caches hold less of a large
+/// picture, and fresh memory costs more.
+const SURCHARGE: f64 = 1.3;
+/// How much of the work is done at the cut-off.
+const DONE_SHARE: f64 = 0.45;
+/// Results at the end that cover a part of their pixels.
+const CUT_TASKS: usize = 4;
+/// Light of no interest.
+const LIGHT: f32 = 0.5;
+/// Freeing a byte of a file that is replaced, on an ordinary machine; the last `rename` waits for it.
+const FREE_PER_BYTE: Duration = Duration::from_nanos(1);
+/// Tearing down a process, at least.
+const LEAVE_MIN: Duration = Duration::from_millis(6);
+/// Tearing down the memory that is left, for each pixel.
+const LEAVE_PER_PIXEL: Duration = Duration::from_nanos(15);
+
+/// Plays the finish phase through, files included, on this thread, and scales it to the whole picture.
+pub fn rehearse(job: &Job, deadline: Duration) -> Result<FinishWork, Failure> {
+    let size = job.size_expected();
+    let settings = job.settings_at(size);
+    let settings = job.settings_at(small(size, settings.vpl_sets, deadline));
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .or_exit(Exit::Unforeseen)?;
+    let work = pool.install(|| Stage::new(settings).play(&job.files))?;
+    Ok(FinishWork {
+        assemble: work.assemble.mul_f64(SURCHARGE),
+        assemble_bare: work.assemble_bare.mul_f64(SURCHARGE),
+        encode: work.encode.mul_f64(SURCHARGE),
+        ..work
+    }
+    .scaled_to(size.pixel_count()))
+}
+
+/// As many pixels as the budget allows, in the same proportions.
+fn small(size: ImageSize, sets: u32, deadline: Duration) -> ImageSize {
+    let each = COST_PER_PIXEL + COST_PER_PIXEL_AND_SET * sets;
+    let pixels = deadline.mul_f64(BUDGET_SHARE).div_duration_f64(each);
+    let shrink = (pixels.max(PIXELS_MIN) / size.pixel_count() as f64)
+        .min(1.0)
+        .sqrt();
+    let side = |side: u32| ((f64::from(side) * shrink) as u32).max(1);
+    ImageSize {
+        width: side(size.width),
+        height: side(size.height),
+    }
+}
+
+/// From the last byte written to the end of the process: the files that are replaced are freed on the
+/// way, then the memory.
+pub fn leave(size: ImageSize, files: &PictureFiles) -> Duration {
+    let length = |path: &Path| path.metadata().map_or(0, |metadata| metadata.len());
+    let replaced: u64 = [&files.exr, &files.png]
+        .into_iter()
+        .flatten()
+        .map(|path| length(path))
+        .sum();
+    let pixels = size.pixel_count() as f64;
+    LEAVE_MIN + LEAVE_PER_PIXEL.mul_f64(pixels) + FREE_PER_BYTE.mul_f64(replaced as f64)
+}
+
+struct Stage {
+    settings: Settings,
+    groups: Arc<PixelGroups>,
+    aovs: Arc<Aovs>,
+}
+
+impl Stage {
+    fn new(settings: Settings) -> Self {
+        let size = settings.size;
+        let count = size.pixel_count();
+        Self {
+            groups: Arc::new(PixelGroups::new(&settings)),
+            aovs: Arc::new(Aovs {
+                size,
+                albedo: vec![glam::Vec3::splat(LIGHT); count],
+                normal: vec![glam::Vec3::X; count],
+                depth: vec![1.0; count],
+                emission: vec![glam::Vec3::ZERO; count],
+            }),
+            settings,
+        }
+    }
+
+    fn play(&self, files: &PictureFiles) -> Result<FinishWork, Failure> {
+        let mut staged = files.stage().or_exit(Exit::Output)?;
+        let bare = self.material(Reconstruction::None);
+        let filled = self.material(Reconstruction::Nearest);
+        let (_, assemble_bare) = thread_cpu_time(|| bare.reconstruct());
+        let (picture, assemble) = thread_cpu_time(|| filled.reconstruct());
+        let (encoded, exr) = thread_cpu_time(|| finish::encode_exr(&picture, staged.exr.as_mut(), &[]));
+        encoded?;
+        let (encoded, png) = thread_cpu_time(|| finish::encode_png(&picture, staged.png.as_mut(), 0.0));
+        encoded?;
+        Ok(FinishWork {
+            pixels: self.settings.size.pixel_count(),
+            assemble,
+            assemble_bare,
+            encode: exr.max(png),
+        })
+    }
+
+    /// The tasks that come first, as if the cut-off had come then: sets of which half is there, one that
+    /// is just being rendered, and a few results that cover a part of their pixels.
+    fn material(&self, method: Reconstruction) -> Material {
+        let mut buffers = FrameBuffers::new(&self.settings, Arc::clone(&self.groups));
+        let mut queues = TaskQueues::new(&self.settings);
+        let count = (queues.iter().count() as f64 * DONE_SHARE) as usize;
+        for place in 0..count {
+            let Some(task) = queues.next_task() else {
+                break;
+            };
+            let whole = self.groups.pixels(task.group).len();
+            let is_cut = place + CUT_TASKS >= count;
+            let pixels = if is_cut {
+                whole.min(self.groups.chunk_pixels())
+            } else {
+                whole
+            };
+            // Refused only if the made-up light were no light; then there is less to fill in.
+            let _ = buffers.add(task, &vec![LIGHT; pixels * task.component.floats_per_pixel()]);
+        }
+        Material {
+            buffers,
+            aovs: Arc::clone(&self.aovs),
+            method,
+            min_set_percent: 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::cli::Cli;
+
+    #[test]
+    fn a_rehearsal_leaves_no_file_behind_and_takes_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let flags = format!("master --size 256x192 --out {}/a.exr", folder.path().display());
+        let cli = Cli::try_parse_from(flags.split(' ')).unwrap();
+        let work = rehearse(&Job::new(&cli.render).unwrap(), Duration::from_secs(1)).unwrap();
+        assert!(work.assemble > Duration::ZERO && work.encode > Duration::ZERO);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_long_deadline_buys_a_rehearsal_on_all_pixels() {
+        let size = ImageSize {
+            width: 1024,
+            height: 768,
+        };
+        assert_eq!(small(size, 16, Duration::from_secs(100)), size);
+        let small = small(size, 16, Duration::from_secs(1));
+        assert!((16_000..60_000).contains(&small.pixel_count()), "{small:?}");
+    }
+}
