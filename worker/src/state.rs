@@ -407,13 +407,14 @@ impl State {
         self.request(now);
     }
 
-    /// Asks for as many tasks as keep every slot busy.
+    /// Asks for as many tasks as keep every slot busy, once half of those in advance are used up.
     fn request(&mut self, now: Duration) {
-        let wanted = self.slots * (1 + self.tasks_ahead());
+        let ahead = self.slots * self.tasks_ahead();
+        let (wanted, least) = (self.slots + ahead, (ahead / 2).max(1));
         let Some(frame) = self.frame.as_mut() else { return };
         let stopped = frame.stop_at.is_some_and(|stop_at| now >= stop_at);
         let tasks = wanted.saturating_sub(frame.held + frame.asked);
-        if stopped || self.leaving.is_some() || tasks == 0 {
+        if stopped || self.leaving.is_some() || tasks < least {
             return;
         }
         frame.asked += tasks;

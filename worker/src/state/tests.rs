@@ -212,14 +212,38 @@ fn the_shorter_the_tasks_the_more_wait_in_advance_up_to_the_limit() {
     let mut state = in_frame(1, 1);
     on(&mut state, ms(1), assign(1, 0..2, None));
     let done = on(&mut state, ms(2), rendered(1, 0, ms(1)));
-    assert_eq!(done[1..], [request(1, 5)]);
-    on(&mut state, ms(2), assign(1, 2..7, None));
-    let done = on(&mut state, ms(3), rendered(1, 1, Duration::ZERO));
-    let leases = 1 + 5;
     assert_eq!(
         done[1..],
-        [request(1, LEASES_PER_SLOT.min(leases + 1) - (leases - 1))]
+        [request(1, 5)],
+        "one is being done, five make up AHEAD"
     );
+
+    let mut state = in_frame(1, 1);
+    on(&mut state, ms(1), assign(1, 0..2, None));
+    let done = on(&mut state, ms(1), rendered(1, 0, Duration::ZERO));
+    assert_eq!(done[1..], [request(1, LEASES_PER_SLOT - 1)]);
+}
+
+#[test]
+fn tasks_are_asked_for_when_half_of_those_in_advance_are_used_up() {
+    let mut state = in_frame(2, 1);
+    on(&mut state, ms(0), assign(1, 0..4, None));
+    let first = on(&mut state, ms(1), rendered(1, 0, ms(1)));
+    assert_eq!(
+        first[1..],
+        [request(1, 9)],
+        "two are done at a time, five wait for each slot"
+    );
+    on(&mut state, ms(1), assign(1, 4..13, None));
+    for group in 1..5 {
+        let done = on(&mut state, ms(2), rendered(1, group, ms(1)));
+        assert!(
+            matches!(done[..], [Action::Send(ToMaster::Result(_))]),
+            "{done:?}"
+        );
+    }
+    let fifth = on(&mut state, ms(3), rendered(1, 5, ms(1)));
+    assert_eq!(fifth[1..], [request(1, 5)]);
 }
 
 #[test]
