@@ -59,10 +59,7 @@ impl StagedFile {
         if path.is_dir() {
             return Err(DeliverError::IsFolder(path.to_owned()));
         }
-        let folder = match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
+        let folder = folder_of(path);
         if !folder.is_dir() {
             return Err(DeliverError::NoFolder(folder.to_owned()));
         }
@@ -107,6 +104,14 @@ impl StagedFile {
     }
 }
 
+/// Where a file of this name is put.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
 /// The files of a picture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PictureFiles {
@@ -131,6 +136,13 @@ impl PictureFiles {
             }),
             _ => Err(DeliverError::Extension(out.to_owned())),
         }
+    }
+
+    /// Creates a file without a name where the picture goes: it is gone when this process is, however
+    /// that ends.
+    pub fn nameless(&self) -> io::Result<File> {
+        let path = self.exr.as_deref().or(self.png.as_deref());
+        tempfile::tempfile_in(path.map_or(Path::new("."), folder_of))
     }
 
     /// Creates the temporary files.

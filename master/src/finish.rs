@@ -1,6 +1,8 @@
 //! The finish phase: from buffers to files, with all cores.
 
 use std::{
+    error::Error,
+    fs::File,
     io::{self, BufWriter, Write},
     sync::Arc,
     time::Duration,
@@ -51,46 +53,49 @@ pub fn encode(
 ) -> Result<(), Failure> {
     let StagedPicture { exr, png } = staged;
     let (exr, png) = rayon::join(
-        || encode_exr(picture, exr.as_mut(), metadata),
-        || encode_png(picture, png.as_mut(), exposure_stops),
+        || write_to(exr.as_mut(), |out| encode_exr(picture, metadata, out)),
+        || write_to(png.as_mut(), |out| encode_png(picture, exposure_stops, out)),
     );
     exr.and(png)
 }
 
-/// Encodes the EXR, if it is wanted.
-pub fn encode_exr(
-    picture: &Picture,
-    staged: Option<&mut StagedFile>,
-    metadata: &[(String, String)],
-) -> Result<(), Failure> {
-    write_to(staged, |out| Ok(image::write_exr(picture, metadata, out)?))
+/// Encodes the EXR.
+pub fn encode_exr(picture: &Picture, metadata: &[(String, String)], out: &mut File) -> anyhow::Result<()> {
+    buffered(out, |out| Ok(image::write_exr(picture, metadata, out)?))
 }
 
-/// Encodes the PNG, if it is wanted.
-pub fn encode_png(
-    picture: &Picture,
-    staged: Option<&mut StagedFile>,
-    exposure_stops: f32,
-) -> Result<(), Failure> {
-    write_to(staged, |out| Ok(image::write_png(picture, exposure_stops, out)?))
+/// Encodes the PNG.
+pub fn encode_png(picture: &Picture, exposure_stops: f32, out: &mut File) -> anyhow::Result<()> {
+    buffered(out, |out| Ok(image::write_png(picture, exposure_stops, out)?))
+}
+
+fn buffered(
+    out: &mut File,
+    write: impl FnOnce(&mut BufWriter<&mut File>) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let mut out = BufWriter::with_capacity(WRITE_BYTES, out);
+    write(&mut out)?;
+    Ok(out.flush()?)
 }
 
 fn write_to(
     staged: Option<&mut StagedFile>,
-    write: impl FnOnce(&mut BufWriter<&mut std::fs::File>) -> anyhow::Result<()>,
+    encode: impl FnOnce(&mut File) -> anyhow::Result<()>,
 ) -> Result<(), Failure> {
     let Some(staged) = staged else {
         return Ok(());
     };
-    let path = staged.path().to_owned();
-    let mut out = BufWriter::with_capacity(WRITE_BYTES, staged.file());
-    let written = write(&mut out).and_then(|()| Ok(out.flush()?));
-    written.map_err(|error| {
-        let what = match error.downcast_ref::<io::Error>() {
-            Some(error) if error.kind() == io::ErrorKind::StorageFull => "the disk is full",
-            _ => "free some space, or choose another --out",
+    encode(staged.file()).map_err(|error| {
+        let is_full = |cause: &(dyn Error + 'static)| {
+            let cause = cause.downcast_ref::<io::Error>();
+            cause.is_some_and(|cause| cause.kind() == io::ErrorKind::StorageFull)
         };
-        let error = error.context(format!("cannot write {} ({what})", path.display()));
+        let what = if error.chain().any(is_full) {
+            "the disk is full: free some space, or choose another --out"
+        } else {
+            "free some space, or choose another --out"
+        };
+        let error = error.context(format!("cannot write {} ({what})", staged.path().display()));
         Failure::new(Exit::Output, error)
     })
 }

@@ -111,15 +111,26 @@ impl Stage {
     }
 
     fn play(&self, files: &PictureFiles) -> Result<FinishWork, Failure> {
-        let mut staged = files.stage().or_exit(Exit::Output)?;
         let bare = self.material(Reconstruction::None);
         let filled = self.material(Reconstruction::Nearest);
         let (_, assemble_bare) = thread_cpu_time(|| bare.reconstruct());
         let (picture, assemble) = thread_cpu_time(|| filled.reconstruct());
-        let (encoded, exr) = thread_cpu_time(|| finish::encode_exr(&picture, staged.exr.as_mut(), &[]));
-        encoded?;
-        let (encoded, png) = thread_cpu_time(|| finish::encode_png(&picture, staged.png.as_mut(), 0.0));
-        encoded?;
+        // The program may end while this goes on: no name, no debris.
+        let nameless = || files.nameless().or_exit(Exit::Output);
+        let mut exr = Duration::ZERO;
+        if files.exr.is_some() {
+            let mut out = nameless()?;
+            let (encoded, time) = thread_cpu_time(|| finish::encode_exr(&picture, &[], &mut out));
+            encoded.or_exit(Exit::Output)?;
+            exr = time;
+        }
+        let mut png = Duration::ZERO;
+        if files.png.is_some() {
+            let mut out = nameless()?;
+            let (encoded, time) = thread_cpu_time(|| finish::encode_png(&picture, 0.0, &mut out));
+            encoded.or_exit(Exit::Output)?;
+            png = time;
+        }
         Ok(FinishWork {
             pixels: self.settings.size.pixel_count(),
             assemble,

@@ -47,10 +47,23 @@ pub fn run(cli: &Cli) -> ! {
     };
     let exit = exit.unwrap_or_else(|failure| {
         // What cannot be said cannot be helped.
-        let _ = writeln!(io::stderr(), "error: {:#}", failure.error);
+        let _ = writeln!(io::stderr(), "error: {}", sentence(&failure.error));
         failure.exit
     });
     process::exit(i32::from(exit as u8));
+}
+
+/// An error with its causes, but for those that are quoted before.
+fn sentence(error: &anyhow::Error) -> String {
+    let mut sentence = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if sentence.is_empty() {
+            sentence = cause;
+        } else if !sentence.contains(&cause) {
+            sentence = format!("{sentence}: {cause}");
+        }
+    }
+    sentence
 }
 
 /// Renders a picture and delivers it with its report.

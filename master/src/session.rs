@@ -209,9 +209,9 @@ impl Session {
         }
         if self.frame.timeout().is_none() && self.prepared.aovs.is_none() {
             let what = if self.prepared.settings.is_some() {
-                "the BVH of the scene was not ready"
+                "the BVH of the scene was ready"
             } else {
-                "the scene was not in memory"
+                "the scene was in memory"
             };
             let error = anyhow!("the deadline came before {what}; choose a later --deadline");
             return Err(Failure::new(Exit::DeadlineMissed, error));
