@@ -52,6 +52,7 @@ pub fn assert_finite(picture: &Path) {
 }
 
 /// What `oiiotool` says if the beauty of two pictures differs by more than the limits.
+#[track_caller]
 pub fn differ(picture: &Path, reference: &Path, limits: Limits) -> Option<String> {
     let Limits {
         pixel,
@@ -73,7 +74,11 @@ pub fn differ(picture: &Path, reference: &Path, limits: Limits) -> Option<String
     arguments.extend(flags.split_whitespace().map(OsStr::new));
     let output = oiiotool(arguments);
     let text = [output.stdout, output.stderr].concat();
-    (!output.status.success()).then(|| String::from_utf8_lossy(&text).into_owned())
+    let text = String::from_utf8_lossy(&text).into_owned();
+    // It also fails if it cannot compare, which says nothing.
+    let (same, different) = (output.status.success(), text.contains("FAILURE"));
+    assert!(same != different, "oiiotool: {text}");
+    different.then_some(text)
 }
 
 /// A hash of all pixel data, metadata not included: equal for equal bits only.

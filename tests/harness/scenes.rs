@@ -25,7 +25,13 @@ pub fn sibenik() -> Option<PathBuf> {
 /// A triangle, as OBJ.
 pub const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
-/// A scene with `a.obj` and a light, as TOML.
+/// What comes before it in the file of a mesh that has a material.
+pub const TRIANGLE_HEAD: &str = "mtllib a.mtl\nusemtl a\n";
+
+/// Its material, as MTL.
+pub const MATERIAL: &str = "newmtl a\nKd 0.8 0.6 0.4\n";
+
+/// A scene with `a.obj` and a light beside the camera, as TOML.
 pub const LIT_TRIANGLE: &str = "\
 [camera]
 eye = [0.3, 0.3, 3]
@@ -33,7 +39,7 @@ look_at = [0.3, 0.3, 0]
 [[mesh]]
 path = \"a.obj\"
 [[light.quad]]
-corner = [0, 0, 2]
+corner = [2, 0, 2]
 edge_u = [0, 1, 0]
 edge_v = [1, 0, 0]
 radiance = [9, 9, 9]
@@ -44,11 +50,12 @@ radiance = [9, 9, 9]
 pub struct SceneFolder(TempDir);
 
 impl SceneFolder {
-    /// A folder with `a.toml` and `a.obj`, a lit triangle that is as it should be.
+    /// A folder with `a.toml`, `a.obj` and `a.mtl`: a lit triangle that is as it should be.
     pub fn new() -> Self {
         Self(tempfile::tempdir().expect("a temporary folder"))
             .with("a.toml", LIT_TRIANGLE)
-            .with("a.obj", TRIANGLE)
+            .with("a.obj", format!("{TRIANGLE_HEAD}{TRIANGLE}"))
+            .with("a.mtl", MATERIAL)
     }
 
     /// A copy of all files of a scene of this repository.
