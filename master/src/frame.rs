@@ -461,8 +461,9 @@ fn extent(groups: &PixelGroups, task: Task, pixels: u32) -> Option<Extent> {
         return None;
     }
     Some(match pixels as usize {
-        0 => Extent::Nothing,
+        // Of a group without pixels, too, if there are more groups than pixels.
         pixels if pixels == groups.pixels(task.group).len() => Extent::Whole,
+        0 => Extent::Nothing,
         _ => Extent::Prefix,
     })
 }

@@ -5,7 +5,7 @@ use std::{net::SocketAddr, path::PathBuf, time::Duration};
 use render::{
     reconstruct::Reconstruction,
     scene::{ImageSize, Scene},
-    settings::{Algorithm, LightPoints, Settings, SettingsError},
+    settings::{Algorithm, LightPoints, Settings},
 };
 
 use crate::{
@@ -13,7 +13,7 @@ use crate::{
     deliver::{DeliverError, PictureFiles},
     exit::{Exit, Failure, OrExit},
     frame_time::FrameTime,
-    scene_path,
+    scene_path, wire,
 };
 
 /// Picture size of the paper.
@@ -80,10 +80,7 @@ impl Job {
     /// Checks all that can be checked without reading the scene.
     pub fn new(args: &RenderArgs) -> Result<Self, Failure> {
         let workload = Workload::new(args);
-        workload
-            .settings(workload.size.unwrap_or(PAPER_SIZE), None)
-            .validate()
-            .or_exit(Exit::Usage)?;
+        check(&workload.settings(workload.size.unwrap_or(PAPER_SIZE), None)).or_exit(Exit::Usage)?;
         let files = PictureFiles::new(&args.out, args.no_png).map_err(|error| {
             let exit = match error {
                 DeliverError::Extension(_) => Exit::Usage,
@@ -117,10 +114,10 @@ impl Job {
     }
 
     /// The settings for a scene.
-    pub fn settings(&self, scene: &Scene) -> Result<Settings, SettingsError> {
+    pub fn settings(&self, scene: &Scene) -> anyhow::Result<Settings> {
         let size = self.workload.size.unwrap_or(scene.image);
         let settings = self.workload.settings(size, Some(scene.extent()));
-        settings.validate()?;
+        check(&settings)?;
         Ok(settings)
     }
 
@@ -138,6 +135,12 @@ impl Job {
     pub fn size_expected(&self) -> ImageSize {
         self.workload.size.unwrap_or(PAPER_SIZE)
     }
+}
+
+/// Checks our own limits and those of the wire, on which a worker would close the connection.
+fn check(settings: &Settings) -> anyhow::Result<()> {
+    settings.validate()?;
+    Ok(wire::settings_to_wire(settings).check()?)
 }
 
 impl Workload {
@@ -249,6 +252,7 @@ mod tests {
             "--groups 0",
             "--vpl-sets 0",
             "--vpl-sets 15",
+            "--groups 1 --size 2048x2048",
         ] {
             let failure = job(flags).unwrap_err();
             assert_eq!(failure.exit, Exit::Usage, "{flags}");

@@ -44,7 +44,8 @@ pub fn frame_to_wire(frame: protocol::FrameId, settings: &Settings, vpl_sets: &[
     }
 }
 
-fn settings_to_wire(settings: &Settings) -> protocol::settings::Settings {
+/// The workload as the worker reads it.
+pub fn settings_to_wire(settings: &Settings) -> protocol::settings::Settings {
     protocol::settings::Settings {
         algorithm: match settings.algorithm {
             Algorithm::Component => protocol::settings::Algorithm::Component,
