@@ -320,6 +320,10 @@ fn workloads_that_cannot_be() {
     refuse_flags("--vpl-sets 0", &["VPL sets", "0", "1 to"]);
     refuse_flags("--groups 0", &["groups", "0", "1 to"]);
     refuse_flags("--vpls 100 --vpl-sets 16", &["100", "16", "divide"]);
+    refuse_flags(
+        "--groups 1 --size 2048x2048",
+        &["1 groups", "2097152 pixels per group", "use more"],
+    );
 }
 
 #[test]

@@ -153,3 +153,15 @@ fn without_reconstruction_what_is_missing_is_black() {
         .collect();
     assert!(!missing.is_empty() && missing.iter().all(|light| light.abs() < f32::MIN_POSITIVE));
 }
+
+#[test]
+fn a_picture_with_fewer_pixels_than_groups_is_whole() {
+    for algorithm in ["component", "straightforward"] {
+        for size in ["1x1", "5x3"] {
+            let flags = format!("--paper --no-deadline --size {size} --algorithm {algorithm}");
+            let picture = Master::new(&flags).deliver();
+            assert!(picture.is_whole(), "{flags}: {}", picture.log);
+            assert_finite(picture.exr());
+        }
+    }
+}
