@@ -43,6 +43,12 @@ fn a_missing_texture_is_named_and_shows_grey() {
 }
 
 #[test]
+fn an_mtl_file_without_materials_is_no_error() {
+    let (_, notes) = notes(with_material("# Material Count: 0\n\n"));
+    assert_eq!(notes, ["a.obj:6: no MTL file has `a`; shown as grey 0.5"]);
+}
+
+#[test]
 fn unknown_materials_are_named_and_show_grey() {
     let obj = format!("{TRIANGLE}mtllib a.mtl\nusemtl b\nf 1 2 3\nusemtl c\nf 1 2 3\n");
     let folder = Folder::new().with("a.obj", obj);

@@ -17,12 +17,14 @@ pub(super) fn readable(bytes: &[u8]) -> Cow<'_, str> {
     text
 }
 
-/// Takes out the line breaks after a `\` and puts them back after the end of the whole line.
+/// Takes out the line breaks after a `\` and puts them back after the end of the whole line. A
+/// comment ends with its line: it may name a folder.
 fn joined(text: &str) -> String {
     let mut whole = String::with_capacity(text.len());
     let mut owed = 0;
     for line in text.lines() {
-        if let Some(start) = line.strip_suffix('\\') {
+        let is_comment = owed == 0 && line.trim_ascii_start().starts_with('#');
+        if let Some(start) = line.strip_suffix('\\').filter(|_| !is_comment) {
             whole.push_str(start);
             whole.push(' ');
             owed += 1;
@@ -76,6 +78,11 @@ mod tests {
         let text = readable(b"f 1 \\\n2 \\\r\n3\nv 1 2 3\n");
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines, ["f 1  2  3", "", "", "v 1 2 3"]);
+    }
+
+    #[test]
+    fn a_comment_that_ends_with_a_backslash_ends_there() {
+        assert_eq!(readable(b"# C:\\rooms\\\nv 1 2 3\n"), "# C:\\rooms\\\nv 1 2 3\n");
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub(super) fn read(file: &Arc<Path>, bytes: &[u8]) -> Result<Library, SceneError
         place: Place::line(file, 1),
         problem,
     };
-    if check.starts.is_empty() && !text.trim_ascii().is_empty() {
+    if check.starts.is_empty() && text.lines().any(|line| words(line).next().is_some()) {
         return Err(whole_file(
             "there is no `newmtl` in this file; is it an MTL file?".into(),
         ));
