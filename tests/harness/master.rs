@@ -115,6 +115,7 @@ impl Master {
         let mut child = self.command.spawn().expect("the program starts");
         Running {
             process: child.id(),
+            given_up: GivenUp(Some(child.id())),
             log: Log::follow(child.stderr.take().expect("standard error is a pipe")),
             end: wait_on_a_thread(child, begun),
             begun,
@@ -171,7 +172,20 @@ pub struct Running {
     end: mpsc::Receiver<End>,
     begun: Instant,
     files: Files,
+    given_up: GivenUp,
     machine: MutexGuard<'static, ()>,
+}
+
+/// Kills a process that nobody will wait for any more, because the test has failed.
+#[derive(Debug)]
+struct GivenUp(Option<u32>);
+
+impl Drop for GivenUp {
+    fn drop(&mut self) {
+        if let Some(process) = self.0 {
+            signal(process, "KILL");
+        }
+    }
 }
 
 impl Running {
@@ -209,8 +223,9 @@ impl Running {
     }
 
     /// Waits for the end.
-    pub fn finish(self) -> Finished {
+    pub fn finish(mut self) -> Finished {
         let end = self.end.recv().expect("the end is always noticed");
+        self.given_up.0 = None;
         let log = self.log.whole();
         drop(self.machine);
         let report = fs::read_to_string(&self.files.report).ok();

@@ -3,7 +3,7 @@
 use std::{
     io::{ErrorKind, Read as _, Write as _},
     net::{SocketAddr, TcpStream},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use protocol::{
@@ -15,7 +15,7 @@ use protocol::{
 };
 
 /// A master answers within this time, however busy the machine is.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A connection to a master.
 #[derive(Debug)]
@@ -99,9 +99,11 @@ impl Peer {
     /// The next message, pings answered on the way; `None` if the master has closed.
     #[track_caller]
     pub fn receive(&mut self) -> Option<ToWorker> {
+        let begun = Instant::now();
         loop {
             match self.decoder.decode().expect("a master speaks the protocol") {
                 Decoded::Message(ToWorker::Ping(ping)) => {
+                    assert!(begun.elapsed() < PATIENCE, "the master does nothing but ping");
                     self.send(&ToMaster::Pong(Pong { nonce: ping.nonce }));
                 }
                 Decoded::Message(message) => return Some(message),
