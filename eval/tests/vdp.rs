@@ -449,6 +449,26 @@ fn zero_identical_forgives_pixels_of_equal_luminance_only() {
 }
 
 #[test]
+fn luminances_within_a_ten_thousandth_of_a_candela_count_as_identical() {
+    let reference = square(|_, _| GREY);
+    let with_band = |rest_luminance: f64| {
+        square(|_, y| {
+            if y < 96.0 {
+                0.6
+            } else {
+                GREY + rest_luminance / 99.2
+            }
+        })
+    };
+    let percent = |test: ImageRgb| compare(&reference, &test).percent_zero_identical;
+    let (nearer, farther) = (percent(with_band(0.5e-4)), percent(with_band(2e-4)));
+    assert!(
+        nearer <= 50.0 && farther > nearer + 1.0,
+        "{nearer} % and {farther} %"
+    );
+}
+
+#[test]
 fn several_slopes_at_once_give_what_each_gives_alone() {
     let clean = square(texture);
     let noisy = noisy(&clean, 0.1);
