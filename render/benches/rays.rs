@@ -29,6 +29,7 @@ use render::{
 };
 
 const ROUNDS: usize = 15;
+const TIME_MIN: Duration = Duration::from_millis(150);
 const SIZE: ImageSize = ImageSize {
     width: 1024,
     height: 768,
@@ -238,11 +239,18 @@ fn packet<'a, const N: usize>(
     (mask.count() > 0).then_some((mask, packet))
 }
 
-/// Time on a core, which other programs do not lengthen as they do the time by the clock.
+/// Time on a core, which other programs do not lengthen as they do the time by the clock. The kernel
+/// may count in ticks of some milliseconds: work is repeated until that no longer matters.
 fn time(mut work: impl FnMut()) -> Duration {
     let start = cpu_time();
-    work();
-    cpu_time().saturating_sub(start)
+    for repeats in 1.. {
+        work();
+        let elapsed = cpu_time().saturating_sub(start);
+        if elapsed >= TIME_MIN {
+            return elapsed / repeats;
+        }
+    }
+    Duration::ZERO
 }
 
 /// What this thread has run so far, by the kernel's scheduler statistics.
