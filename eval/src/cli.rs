@@ -12,9 +12,10 @@ use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
 
 use crate::compare::{self, Options};
+use crate::grid::command::{self as grid, GridArgs};
 use crate::metrics::{flip, vdp};
 
-/// Judges pictures.
+/// Judges pictures and schedulers.
 #[derive(Debug, Parser)]
 #[command(name = "eval", version)]
 pub struct Cli {
@@ -27,6 +28,8 @@ enum Command {
     /// Says how unlike a reference pictures are: VDP, FLIP, RMSE, relMSE, SSIM, PSNR
     #[command(after_long_help = "docs/metrics.md says what the numbers mean.")]
     Compare(CompareArgs),
+    /// Renders a frame on a grid that exists only as numbers: real scheduler, real tasks, simulated time
+    Grid(GridArgs),
 }
 
 #[derive(Debug, Args)]
@@ -141,6 +144,7 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
                 report.to_table()
             })
         }
+        Command::Grid(args) => print(&grid::run(&args)?),
     }
 }
 

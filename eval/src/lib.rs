@@ -1,4 +1,5 @@
 //! Judges pictures: files → images → a pair of one size and encoding → metrics → table, JSON, maps.
+//! Judges schedulers: a virtual grid → pictures of what came back in time → the paper's experiments.
 
 pub mod image_io;
 
@@ -10,5 +11,8 @@ pub mod plane;
 pub mod metrics;
 
 pub mod compare;
+
+pub mod grid;
+pub mod paper;
 
 pub mod cli;

@@ -1,0 +1,179 @@
+//! Scenes and frames of the virtual grid: tasks that are rendered when they are first asked for, and
+//! pictures of any selection of them.
+
+use std::{
+    collections::BTreeMap,
+    path::Path,
+    sync::{Arc, OnceLock},
+};
+
+use anyhow::Context;
+use rayon::prelude::*;
+use render::{
+    buffer::FrameBuffers,
+    frame::{FrameRenderer, TaskOutput},
+    gbuffer::{Aovs, trace_aovs},
+    image::Picture,
+    intersect::TracedScene,
+    pixel_group::PixelGroups,
+    reconstruct::{Reconstruction, assemble},
+    scene::load::{LoadOptions, load},
+    settings::{Algorithm, Settings},
+    task::Task,
+    vpl::{VplSet, trace_sets},
+};
+
+use super::{
+    parameters::Parameters,
+    simulate::{TaskCost, Workload},
+};
+use master::plan::TaskQueues;
+
+/// Tasks that are rendered together: enough for all cores, few enough not to render many in vain.
+const BATCH: usize = 64;
+
+/// A scene that is ready for frames of one size.
+#[derive(Debug)]
+pub struct PreparedScene {
+    scene: Arc<TracedScene>,
+    aovs: Aovs,
+    vpl_sets: Vec<VplSet>,
+    parameters: Parameters,
+}
+
+impl PreparedScene {
+    /// Loads a scene and traces what all its frames share.
+    ///
+    /// # Errors
+    /// If the scene cannot be loaded or its BVH cannot be built.
+    pub fn load(file: &Path, scenes_dir: &Path, parameters: &Parameters) -> anyhow::Result<Self> {
+        let options = LoadOptions {
+            scenes_dir: scenes_dir.to_owned(),
+        };
+        let loaded = load(file, &options)?;
+        let scene = TracedScene::build(loaded.scene)
+            .with_context(|| format!("cannot build the BVH of {}", file.display()))?;
+        let settings = parameters.settings(Algorithm::Component, scene.scene().extent());
+        settings.validate()?;
+        Ok(Self {
+            aovs: trace_aovs(&scene, settings.size),
+            // The same for both algorithms.
+            vpl_sets: trace_sets(&scene, &settings),
+            scene: Arc::new(scene),
+            parameters: parameters.clone(),
+        })
+    }
+
+    /// The paper's workload in this scene.
+    pub fn settings(&self, algorithm: Algorithm) -> Settings {
+        self.parameters.settings(algorithm, self.scene.scene().extent())
+    }
+
+    /// A frame whose tasks are not rendered yet.
+    ///
+    /// # Errors
+    /// If the settings are impossible.
+    pub fn frame(&self, algorithm: Algorithm) -> anyhow::Result<VirtualFrame<'_>> {
+        let settings = self.settings(algorithm);
+        let mut queues = TaskQueues::new(&settings);
+        let order: Vec<Task> = std::iter::from_fn(|| queues.next_task()).collect();
+        Ok(VirtualFrame {
+            renderer: FrameRenderer::new(Arc::clone(&self.scene), settings, self.vpl_sets.clone())?,
+            groups: Arc::new(PixelGroups::new(&settings)),
+            places: order
+                .iter()
+                .enumerate()
+                .map(|(place, &task)| (task, place))
+                .collect(),
+            outputs: order.iter().map(|_| OnceLock::new()).collect(),
+            order,
+            scene: self,
+            settings,
+        })
+    }
+}
+
+/// A frame, with the results of all tasks that were asked for so far.
+#[derive(Debug)]
+pub struct VirtualFrame<'a> {
+    scene: &'a PreparedScene,
+    settings: Settings,
+    renderer: FrameRenderer,
+    groups: Arc<PixelGroups>,
+    /// All tasks, as they are handed out.
+    order: Vec<Task>,
+    places: BTreeMap<Task, usize>,
+    /// As `order`.
+    outputs: Vec<OnceLock<TaskOutput>>,
+}
+
+impl VirtualFrame<'_> {
+    /// The workload.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// All tasks in the order in which they are handed out.
+    pub fn order(&self) -> &[Task] {
+        &self.order
+    }
+
+    /// Pixels of a task's group.
+    pub fn pixels(&self, task: Task) -> u32 {
+        self.groups.pixels(task.group).len() as u32
+    }
+
+    /// The picture that results from the given beginnings of tasks' groups.
+    ///
+    /// # Errors
+    /// For a task that the frame does not have, or that comes twice.
+    pub fn picture(&self, results: impl IntoIterator<Item = (Task, u32)>) -> anyhow::Result<Picture> {
+        let mut buffers = FrameBuffers::new(&self.settings, Arc::clone(&self.groups));
+        for (task, pixels) in results {
+            let floats = task.component.floats_per_pixel() * pixels as usize;
+            buffers.add(task, &self.output(task).radiance[..floats])?;
+        }
+        let percent = self.scene.parameters.picture.min_set_percent;
+        Ok(assemble(
+            buffers,
+            &self.scene.aovs,
+            Reconstruction::Nearest,
+            percent,
+        ))
+    }
+
+    /// The picture of the full workload.
+    ///
+    /// # Errors
+    /// Never for a frame's own tasks.
+    pub fn gold(&self) -> anyhow::Result<Picture> {
+        self.picture(self.order.iter().map(|&task| (task, self.pixels(task))))
+    }
+
+    /// The result of a task. The first time it is asked for, it and its successors are rendered with
+    /// all cores.
+    fn output(&self, task: Task) -> &TaskOutput {
+        let place = self.places[&task];
+        if self.outputs[place].get().is_none() {
+            let end = (place + BATCH).min(self.order.len());
+            (place..end).into_par_iter().for_each(|place| {
+                self.outputs[place].get_or_init(|| self.renderer.render(self.order[place], &mut || false));
+            });
+        }
+        self.outputs[place].get_or_init(|| self.renderer.render(task, &mut || false))
+    }
+}
+
+impl Workload for VirtualFrame<'_> {
+    /// The paper's workers kept no first hits, so each pixel of each task has one ray more than its
+    /// shadow rays, however many this renderer traces.
+    fn cost(&self, task: Task) -> TaskCost {
+        let pixels = self.pixels(task);
+        TaskCost {
+            pixels,
+            chunk_pixels: self.groups.chunk_pixels() as u32,
+            rays: u64::from(pixels) + self.output(task).rays.shadow,
+            floats_per_pixel: task.component.floats_per_pixel(),
+        }
+    }
+}

@@ -1,0 +1,356 @@
+//! Renders every row of the paper's tables, twice: as the virtual grid would have it, and with exactly
+//! the paper's own numbers of tasks.
+
+use std::{path::Path, time::Duration};
+
+use rayon::prelude::*;
+use render::{
+    image::{Picture, display_code},
+    settings::Algorithm,
+    task::{Component, Task},
+};
+
+use super::{
+    arithmetic::{direct_percent, indirect_percent, straightforward_percent},
+    judge::{Scores, judge, linear},
+    published::{ROWS, Row},
+};
+use crate::{
+    grid::{
+        frame::{PreparedScene, VirtualFrame},
+        parameters::{Parameters, SceneParameters},
+        script::Script,
+        simulate::{Circumstances, Run, simulate},
+    },
+    image::ImageRgb,
+};
+
+/// Both algorithms, in the paper's order.
+pub const ALGORITHMS: [Algorithm; 2] = [Algorithm::Component, Algorithm::Straightforward];
+/// The scene and deadline of section 4.2.
+const FAULTS: (&str, u32) = ("Conference Room", 10);
+/// Machines at the two ends of the runs of section 4.2.
+const FAULT_MACHINES: [u32; 2] = [14, 24];
+
+/// What is to be done.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// The grid, at the size of the pictures.
+    pub parameters: Parameters,
+    /// Which rows of the paper.
+    pub rows: Vec<Row>,
+    /// Further deadlines for the curves of each scene, seconds.
+    pub curve_s: Vec<u32>,
+}
+
+impl Plan {
+    /// Every row, and curves.
+    pub fn full(parameters: Parameters) -> Self {
+        Self {
+            parameters,
+            rows: ROWS.to_vec(),
+            curve_s: (1..=10).collect(),
+        }
+    }
+
+    /// The shortest and the longest deadline of each scene.
+    pub fn quick(parameters: Parameters) -> Self {
+        let of_scene = |row: &Row| ROWS.into_iter().filter(move |other| other.scene == row.scene);
+        let at_an_end = |row: &Row| {
+            let deadlines = || of_scene(row).map(|row| row.deadline_s);
+            [deadlines().min(), deadlines().max()].contains(&Some(row.deadline_s))
+        };
+        Self {
+            parameters,
+            rows: ROWS.into_iter().filter(at_an_end).collect(),
+            curve_s: Vec::new(),
+        }
+    }
+}
+
+/// An 8-bit sRGB picture for people.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shown {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `[height][width]`.
+    pub codes: Vec<[u8; 3]>,
+}
+
+/// One algorithm in one row.
+#[derive(Debug, Clone)]
+pub struct Attempt {
+    /// Whole tasks: direct and indirect, or those of the straightforward algorithm and 0.
+    pub tasks: [u32; 2],
+    /// Results that were stopped half-way.
+    pub partial: u32,
+    /// Reconstructed pixels of direct and indirect light, percent, with what stopped tasks had done.
+    pub reconstructed_percent: [f64; 2],
+    /// The same by Table 1's arithmetic from `tasks`.
+    pub formula_percent: [f64; 2],
+    /// Distance from the gold picture.
+    pub scores: Scores,
+    /// The picture.
+    pub shown: Shown,
+    /// Where differences are seen.
+    pub map: Shown,
+}
+
+/// Both algorithms in one row, as the grid has it and with the paper's numbers of tasks.
+#[derive(Debug, Clone)]
+pub struct RowResult {
+    /// What the paper has.
+    pub published: Row,
+    /// On the virtual grid.
+    pub grid: [Attempt; 2],
+    /// With the paper's numbers of whole tasks.
+    pub counts: [Attempt; 2],
+}
+
+/// The error at one deadline.
+#[derive(Debug, Clone, Copy)]
+pub struct CurvePoint {
+    /// Seconds.
+    pub deadline_s: u32,
+    /// Of each algorithm.
+    pub scores: [Scores; 2],
+}
+
+/// A run of section 4.2.
+#[derive(Debug, Clone)]
+pub struct FaultRun {
+    /// For people.
+    pub name: &'static str,
+    /// What came of it.
+    pub attempt: Attempt,
+    /// How it went.
+    pub run: Run,
+}
+
+/// All results of one scene.
+#[derive(Debug, Clone)]
+pub struct SceneResult {
+    /// The scene.
+    pub scene: SceneParameters,
+    /// The picture without a deadline.
+    pub gold: Shown,
+    /// Largest difference between the two algorithms' gold pictures, as linear light.
+    pub gold_difference: f32,
+    /// Simulated time of the full workload for each algorithm.
+    pub full_workload: [Duration; 2],
+    /// Rows of the tables.
+    pub rows: Vec<RowResult>,
+    /// Error over deadline.
+    pub curve: Vec<CurvePoint>,
+    /// The runs of section 4.2, the one without changes first; none in most scenes.
+    pub faults: Vec<FaultRun>,
+}
+
+/// Does everything for one scene; `tell` hears of each step.
+///
+/// # Errors
+/// If the scene cannot be loaded.
+pub fn run_scene(
+    plan: &Plan,
+    scene: &SceneParameters,
+    file: &Path,
+    scenes_dir: &Path,
+    tell: &(dyn Fn(&str) + Sync),
+) -> anyhow::Result<SceneResult> {
+    let prepared = PreparedScene::load(file, scenes_dir, &plan.parameters)?;
+    let [component, straightforward] = ALGORITHMS.map(|algorithm| prepared.frame(algorithm));
+    let frames = [component?, straightforward?];
+    tell("rendering the full workload of both algorithms");
+    let gold = frames[0].gold()?;
+    let other_gold = frames[1].gold()?;
+    let laboratory = Laboratory {
+        plan,
+        scene,
+        frames,
+        gold: linear(&gold),
+    };
+
+    tell("rendering and judging the rows");
+    let rows: Vec<Row> = plan.rows.iter().copied().filter(|row| row.scene == scene.name).collect();
+    let rows = rows
+        .into_par_iter()
+        .map(|row| laboratory.row(row))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    tell("the error over the deadline");
+    let curve = laboratory.curve(&rows)?;
+    let faults = if rows.iter().any(|row| (row.published.scene, row.published.deadline_s) == FAULTS) {
+        tell("the runs with machines that come and go");
+        laboratory.faults()?
+    } else {
+        Vec::new()
+    };
+    Ok(SceneResult {
+        scene: scene.clone(),
+        gold: laboratory.shown(&gold),
+        gold_difference: largest_difference(&gold, &other_gold),
+        full_workload: [0, 1].map(|algorithm| laboratory.full_workload(algorithm)),
+        rows,
+        curve,
+        faults,
+    })
+}
+
+/// One scene with everything that its experiments share.
+struct Laboratory<'a> {
+    plan: &'a Plan,
+    scene: &'a SceneParameters,
+    /// As [`ALGORITHMS`].
+    frames: [VirtualFrame<'a>; 2],
+    gold: ImageRgb,
+}
+
+impl Laboratory<'_> {
+    fn row(&self, row: Row) -> anyhow::Result<RowResult> {
+        let deadline = Duration::from_secs(row.deadline_s.into());
+        let grid = |algorithm| {
+            let run = self.simulate(algorithm, Some(deadline), &Script::default());
+            self.attempt_of_run(algorithm, &run)
+        };
+        Ok(RowResult {
+            published: row,
+            grid: [grid(0)?, grid(1)?],
+            counts: [
+                self.attempt_of_counts(0, [row.direct_tasks, row.indirect_tasks])?,
+                self.attempt_of_counts(1, [row.straightforward_tasks, 0])?,
+            ],
+        })
+    }
+
+    /// `algorithm` is a place in [`ALGORITHMS`].
+    fn simulate(&self, algorithm: usize, deadline: Option<Duration>, script: &Script) -> Run {
+        let frame = &self.frames[algorithm];
+        let circumstances = Circumstances {
+            grid: &self.plan.parameters.grid,
+            network: &self.plan.parameters.network,
+            core_rays_per_s: self.scene.core_rays_per_s,
+            script,
+            deadline,
+        };
+        simulate(&circumstances, frame.settings(), frame)
+    }
+
+    fn attempt_of_run(&self, algorithm: usize, run: &Run) -> anyhow::Result<Attempt> {
+        let results = run.results.iter().map(|result| (result.task, result.pixels));
+        let picture = self.frames[algorithm].picture(results)?;
+        let tasks = match ALGORITHMS[algorithm] {
+            Algorithm::Component => [Component::Direct, Component::Indirect].map(|c| run.completed(c)),
+            Algorithm::Straightforward => [run.completed(Component::Full), 0],
+        };
+        let partial = run.tallies.values().map(|tally| tally.partial).sum();
+        self.attempt(algorithm, tasks, partial, &picture)
+    }
+
+    /// The first tasks of each queue, all of them whole.
+    fn attempt_of_counts(&self, algorithm: usize, tasks: [u32; 2]) -> anyhow::Result<Attempt> {
+        let frame = &self.frames[algorithm];
+        let of = |component: Component, count: u32| {
+            let queue = frame.order().iter().copied();
+            queue
+                .filter(move |task: &Task| task.component == component)
+                .take(count as usize)
+        };
+        let first = match ALGORITHMS[algorithm] {
+            Algorithm::Component => Component::Direct,
+            Algorithm::Straightforward => Component::Full,
+        };
+        let done = of(first, tasks[0]).chain(of(Component::Indirect, tasks[1]));
+        let picture = frame.picture(done.map(|task| (task, frame.pixels(task))))?;
+        self.attempt(algorithm, tasks, 0, &picture)
+    }
+
+    fn attempt(
+        &self,
+        algorithm: usize,
+        tasks: [u32; 2],
+        partial: u32,
+        picture: &Picture,
+    ) -> anyhow::Result<Attempt> {
+        let judgement = judge(&self.gold, &linear(picture), self.scene.exposure_stops)?;
+        let coverage = picture.coverage;
+        Ok(Attempt {
+            tasks,
+            partial,
+            reconstructed_percent: [
+                coverage.direct_reconstructed_percent,
+                coverage.indirect_reconstructed_percent,
+            ],
+            formula_percent: match ALGORITHMS[algorithm] {
+                Algorithm::Component => [direct_percent(tasks[0]), indirect_percent(tasks[1])],
+                Algorithm::Straightforward => [straightforward_percent(tasks[0]); 2],
+            },
+            scores: judgement.scores,
+            shown: self.shown(picture),
+            map: Shown {
+                codes: judgement.map,
+                width: picture.size.width,
+                height: picture.size.height,
+            },
+        })
+    }
+
+    fn curve(&self, rows: &[RowResult]) -> anyhow::Result<Vec<CurvePoint>> {
+        let known = |deadline_s| rows.iter().find(|row| row.published.deadline_s == deadline_s);
+        let point = |&deadline_s: &u32| {
+            let scores = |algorithm: usize| match known(deadline_s) {
+                Some(row) => anyhow::Ok(row.grid[algorithm].scores),
+                None => {
+                    let deadline = Duration::from_secs(deadline_s.into());
+                    let run = self.simulate(algorithm, Some(deadline), &Script::default());
+                    Ok(self.attempt_of_run(algorithm, &run)?.scores)
+                }
+            };
+            Ok(CurvePoint {
+                deadline_s,
+                scores: [scores(0)?, scores(1)?],
+            })
+        };
+        self.plan.curve_s.par_iter().map(point).collect()
+    }
+
+    /// Section 4.2: "the component-based algorithm was used for these results".
+    fn faults(&self) -> anyhow::Result<Vec<FaultRun>> {
+        let [few, many] = FAULT_MACHINES;
+        let runs = [
+            ("24 machines throughout", Script::default()),
+            ("14 growing to 24", Script::growing(few, many)),
+            ("24 shrinking to 14", Script::shrinking(many, few)),
+        ];
+        runs.into_par_iter()
+            .map(|(name, script)| {
+                let deadline = Duration::from_secs(FAULTS.1.into());
+                let run = self.simulate(0, Some(deadline), &script);
+                Ok(FaultRun {
+                    name,
+                    attempt: self.attempt_of_run(0, &run)?,
+                    run,
+                })
+            })
+            .collect()
+    }
+
+    fn full_workload(&self, algorithm: usize) -> Duration {
+        let run = self.simulate(algorithm, None, &Script::default());
+        run.closed.map_or(Duration::ZERO, |(at, _)| at)
+    }
+
+    fn shown(&self, picture: &Picture) -> Shown {
+        let gain = self.scene.exposure_stops.exp2() as f32;
+        Shown {
+            width: picture.size.width,
+            height: picture.size.height,
+            codes: picture.beauty.iter().map(|&light| display_code(gain * light)).collect(),
+        }
+    }
+}
+
+fn largest_difference(a: &Picture, b: &Picture) -> f32 {
+    let pairs = a.beauty.iter().zip(&b.beauty);
+    pairs.map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
+}
