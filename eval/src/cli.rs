@@ -14,6 +14,8 @@ use clap::{Args, Parser, Subcommand};
 use crate::compare::{self, Options};
 use crate::grid::command::{self as grid, GridArgs};
 use crate::metrics::{flip, vdp};
+use crate::paper::command::{self as paper, PaperArgs};
+use crate::paper::realtime::{self, RealtimeArgs};
 
 /// Judges pictures and schedulers.
 #[derive(Debug, Parser)]
@@ -30,6 +32,10 @@ enum Command {
     Compare(CompareArgs),
     /// Renders a frame on a grid that exists only as numbers: real scheduler, real tasks, simulated time
     Grid(GridArgs),
+    /// Reproduces the paper's tables and figures as one page, with what holds and what does not
+    Paper(PaperArgs),
+    /// Compares the paper's two algorithms by the clock, on this machine
+    Realtime(RealtimeArgs),
 }
 
 #[derive(Debug, Args)]
@@ -145,6 +151,8 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
             })
         }
         Command::Grid(args) => print(&grid::run(&args)?),
+        Command::Paper(args) => print(&paper::run(&args)?),
+        Command::Realtime(args) => print(&realtime::run(&args)?),
     }
 }
 

@@ -1,6 +1,8 @@
 //! The virtual grid as a whole: counts against Table 1's arithmetic, machines that come and go, late
 //! results, and the same run twice.
 
+#![expect(clippy::unwrap_used, reason = "a failure shows where it happened")]
+
 use std::{collections::BTreeSet, path::Path, time::Duration};
 
 use eval::{

@@ -52,7 +52,7 @@ pub struct GridArgs {
     /// Another seed for the moments of first requests and the speeds of cores
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
-    /// The folder of scenes that are not in this repository [default: $GRIDLIGHT_SCENES, else
+    /// The folder of scenes that are not in this repository [default: `$GRIDLIGHT_SCENES`, else
     /// ../shared/scenes]
     #[arg(long, value_name = "DIR")]
     scenes: Option<PathBuf>,

@@ -77,7 +77,7 @@ impl Core {
         Some(match self.send_by {
             Some(send_by) if send_by < done => {
                 let at = send_by.max(now);
-                let rendering_s = (at - now).as_secs_f64() - self.task_overhead_s;
+                let rendering_s = at.saturating_sub(now).as_secs_f64() - self.task_overhead_s;
                 let chunks = rendering_s.max(0.0) / (pixel_s * f64::from(cost.chunk_pixels));
                 Ending {
                     at,
@@ -117,7 +117,7 @@ enum Purpose {
     FirstRequest = 2,
 }
 
-/// A number in 0..1 that depends on nothing but its arguments (the finalizer of SplitMix64).
+/// A number in 0..1 that depends on nothing but its arguments (the finalizer of `SplitMix64`).
 fn draw(seed: u64, core: u32, purpose: Purpose) -> f64 {
     let mut bits = seed ^ (u64::from(core) << 8 | purpose as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);

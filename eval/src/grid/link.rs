@@ -25,14 +25,14 @@ impl Link {
     }
 
     /// When something sent to the master now has arrived.
-    pub(super) fn to_master(&mut self, now: Duration, payload_bytes: usize) -> Duration {
+    pub(super) fn arrival_at_master(&mut self, now: Duration, payload_bytes: usize) -> Duration {
         let duration = (payload_bytes as f64 + ENVELOPE_BYTES) * self.seconds_per_byte;
         self.free_at = self.free_at.max(now + self.latency) + Duration::from_secs_f64(duration);
         self.free_at
     }
 
     /// When something sent by the master now has arrived; tasks are a few bytes.
-    pub(super) fn to_worker(&self, now: Duration) -> Duration {
+    pub(super) fn arrival_at_worker(&self, now: Duration) -> Duration {
         now + self.latency
     }
 }
@@ -50,12 +50,12 @@ mod tests {
         });
         let payload = 1_000 - ENVELOPE_BYTES as usize;
         let now = Duration::from_secs(1);
-        let arrivals = [0; 3].map(|_| link.to_master(now, payload).as_secs_f64());
-        assert_eq!(arrivals, [2.5, 3.5, 4.5]);
+        let arrivals = [0; 3].map(|_| link.arrival_at_master(now, payload));
+        assert_eq!(arrivals, [2_500, 3_500, 4_500].map(Duration::from_millis));
         // After a pause only latency and its own bytes count.
         assert_eq!(
-            link.to_master(Duration::from_secs(10), payload).as_secs_f64(),
-            11.5
+            link.arrival_at_master(Duration::from_secs(10), payload),
+            Duration::from_millis(11_500)
         );
     }
 }

@@ -1,23 +1,10 @@
 //! Where scenes are: the project's own folder, and the folder of scenes that are not part of it.
 
-use std::{
-    env,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
-/// Names the folder of scenes that are not in this repository.
-const VARIABLE: &str = "GRIDLIGHT_SCENES";
-/// That folder if the variable is not set, seen from the project's root.
-const SHARED_SCENES: &str = "../shared/scenes";
-
-/// What `$GRIDLIGHT_SCENES` in a scene file stands for.
+/// What `$GRIDLIGHT_SCENES` in a scene file stands for: the given folder, else the master's choice.
 pub fn shared_scenes(given: Option<&Path>) -> PathBuf {
-    let from_environment = || env::var_os(VARIABLE).filter(|folder| !folder.is_empty());
-    match (given, from_environment()) {
-        (Some(folder), _) => folder.to_owned(),
-        (None, Some(folder)) => folder.into(),
-        (None, None) => project_root().join(SHARED_SCENES),
-    }
+    given.map_or_else(master::scene_path::scenes_dir, Path::to_owned)
 }
 
 /// A scene file of the project.

@@ -289,7 +289,7 @@ impl<'a> Simulation<'a> {
             }
             ToMaster::Ready | ToMaster::Gone => 0,
         };
-        let at = self.link.to_master(now, bytes);
+        let at = self.link.arrival_at_master(now, bytes);
         self.expect(at, Happening::Master(core, message));
     }
 
@@ -322,7 +322,7 @@ impl<'a> Simulation<'a> {
     fn decide(&mut self, now: Duration, event: Event, pixels: u32) {
         self.scheduler.handle(FrameTime::after_start(now), event);
         while let Some(action) = self.scheduler.poll_action() {
-            let reaches_worker_at = self.link.to_worker(now);
+            let reaches_worker_at = self.link.arrival_at_worker(now);
             match action {
                 Action::Assign { worker, tasks } => {
                     self.expect(reaches_worker_at, Happening::Gets(worker.0 as usize, tasks));

@@ -76,17 +76,17 @@ mod tests {
 
     #[test]
     fn nothing_done_is_all_reconstructed_and_all_done_nothing() {
-        assert_eq!(
-            [direct_percent(0), indirect_percent(0), straightforward_percent(0)],
-            [100.0; 3]
-        );
-        assert_eq!(
-            [
-                direct_percent(1_024),
-                indirect_percent(1_024),
-                straightforward_percent(2_048)
-            ],
-            [0.0; 3]
-        );
+        let check = |percent: f64, expected: f64| assert!((percent - expected).abs() < 1e-12, "{percent}");
+        for percent in [direct_percent(0), indirect_percent(0), straightforward_percent(0)] {
+            check(percent, 100.0);
+        }
+        let all = [
+            direct_percent(1_024),
+            indirect_percent(1_024),
+            straightforward_percent(2_048),
+        ];
+        for percent in all {
+            check(percent, 0.0);
+        }
     }
 }

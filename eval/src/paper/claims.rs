@@ -105,7 +105,11 @@ impl Claim {
     /// `errors` of both algorithms by scene and ascending deadline.
     fn weigh_errors(self, errors: &BTreeMap<&str, Vec<[f64; 2]>>, metric: usize) -> Option<Verdict> {
         let gap = |[component, straightforward]: [f64; 2]| straightforward - component;
-        let ends = || errors.values().filter_map(|rows| Some((gap(*rows.first()?), gap(*rows.last()?))));
+        let ends = || {
+            errors
+                .values()
+                .filter_map(|rows| Some((gap(*rows.first()?), gap(*rows.last()?))))
+        };
         match self {
             Self::ComponentIsBetter => share(errors.values().flatten().map(|&row| gap(row) > 0.0)),
             Self::ShortDeadlinesDiffer => share(ends().map(|(shortest, longest)| shortest > longest)),

@@ -1,6 +1,6 @@
 //! A document of headings, text, tables and figures, as one self-contained page or as Markdown.
 
-use std::fmt::Write;
+use std::{fmt::Write, path::Path};
 
 use super::plot::escape;
 
@@ -100,8 +100,8 @@ fn html_block(block: &Block) -> String {
         Block::Heading(text) => format!("<h2>{}</h2>", escape(text)),
         Block::Text(text) => format!("<p>{}</p>", html_text(text)),
         Block::List(points) => {
-            let points: String = points.iter().map(|point| format!("<li>{}</li>", html_text(point))).collect();
-            format!("<ul>{points}</ul>")
+            let points: Vec<String> = points.iter().map(|point| html_text(point)).collect();
+            format!("<ul><li>{}</li></ul>", points.join("</li><li>"))
         }
         Block::Table(table) => html_table(table),
         Block::Figures(figures) => {
@@ -151,7 +151,10 @@ fn html_figure(figure: &Figure) -> String {
 }
 
 fn media_type(file: &str) -> &'static str {
-    if file.ends_with(".svg") { "image/svg+xml" } else { "image/jpeg" }
+    match Path::new(file).extension() {
+        Some(extension) if extension == "svg" => "image/svg+xml",
+        _ => "image/jpeg",
+    }
 }
 
 /// Escapes, and makes code of what stands between back-ticks.
@@ -217,7 +220,11 @@ fn base64(bytes: &[u8]) -> String {
         let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
         for digit in 0..4 {
             let code = ALPHABET[(bits >> (18 - 6 * digit) & 63) as usize];
-            text.push(if digit <= chunk.len() { char::from(code) } else { '=' });
+            text.push(if digit <= chunk.len() {
+                char::from(code)
+            } else {
+                '='
+            });
         }
     }
     text

@@ -55,9 +55,9 @@ impl Plan {
 
     /// The shortest and the longest deadline of each scene.
     pub fn quick(parameters: Parameters) -> Self {
-        let of_scene = |row: &Row| ROWS.into_iter().filter(move |other| other.scene == row.scene);
         let at_an_end = |row: &Row| {
-            let deadlines = || of_scene(row).map(|row| row.deadline_s);
+            let of_scene = || ROWS.iter().filter(|other| other.scene == row.scene);
+            let deadlines = || of_scene().map(|row| row.deadline_s);
             [deadlines().min(), deadlines().max()].contains(&Some(row.deadline_s))
         };
         Self {
@@ -173,14 +173,22 @@ pub fn run_scene(
     };
 
     tell("rendering and judging the rows");
-    let rows: Vec<Row> = plan.rows.iter().copied().filter(|row| row.scene == scene.name).collect();
+    let rows: Vec<Row> = plan
+        .rows
+        .iter()
+        .copied()
+        .filter(|row| row.scene == scene.name)
+        .collect();
     let rows = rows
         .into_par_iter()
         .map(|row| laboratory.row(row))
         .collect::<anyhow::Result<Vec<_>>>()?;
     tell("the error over the deadline");
     let curve = laboratory.curve(&rows)?;
-    let faults = if rows.iter().any(|row| (row.published.scene, row.published.deadline_s) == FAULTS) {
+    let faults = if rows
+        .iter()
+        .any(|row| (row.published.scene, row.published.deadline_s) == FAULTS)
+    {
         tell("the runs with machines that come and go");
         laboratory.faults()?
     } else {
@@ -298,13 +306,13 @@ impl Laboratory<'_> {
     fn curve(&self, rows: &[RowResult]) -> anyhow::Result<Vec<CurvePoint>> {
         let known = |deadline_s| rows.iter().find(|row| row.published.deadline_s == deadline_s);
         let point = |&deadline_s: &u32| {
-            let scores = |algorithm: usize| match known(deadline_s) {
-                Some(row) => anyhow::Ok(row.grid[algorithm].scores),
-                None => {
-                    let deadline = Duration::from_secs(deadline_s.into());
-                    let run = self.simulate(algorithm, Some(deadline), &Script::default());
-                    Ok(self.attempt_of_run(algorithm, &run)?.scores)
+            let scores = |algorithm: usize| {
+                if let Some(row) = known(deadline_s) {
+                    return anyhow::Ok(row.grid[algorithm].scores);
                 }
+                let deadline = Duration::from_secs(deadline_s.into());
+                let run = self.simulate(algorithm, Some(deadline), &Script::default());
+                Ok(self.attempt_of_run(algorithm, &run)?.scores)
             };
             Ok(CurvePoint {
                 deadline_s,
@@ -345,12 +353,18 @@ impl Laboratory<'_> {
         Shown {
             width: picture.size.width,
             height: picture.size.height,
-            codes: picture.beauty.iter().map(|&light| display_code(gain * light)).collect(),
+            codes: picture
+                .beauty
+                .iter()
+                .map(|&light| display_code(gain * light))
+                .collect(),
         }
     }
 }
 
 fn largest_difference(a: &Picture, b: &Picture) -> f32 {
     let pairs = a.beauty.iter().zip(&b.beauty);
-    pairs.map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
+    pairs
+        .map(|(a, b)| (*a - *b).abs().max_element())
+        .fold(0.0, f32::max)
 }

@@ -1,7 +1,11 @@
 //! Pictures for a page: made smaller, cut out, and encoded.
 
 use anyhow::Context;
-use image::{RgbImage, codecs::jpeg::JpegEncoder, imageops::{self, FilterType}};
+use image::{
+    RgbImage,
+    codecs::jpeg::JpegEncoder,
+    imageops::{self, FilterType},
+};
 
 use super::experiment::Shown;
 
@@ -27,7 +31,12 @@ pub fn whole(shown: &Shown, width: u32) -> anyhow::Result<Vec<u8>> {
     let image = to_image(shown)?;
     let width = width.min(image.width());
     let height = (f64::from(image.height()) * f64::from(width) / f64::from(image.width())).round() as u32;
-    jpeg(&imageops::resize(&image, width, height.max(1), FilterType::Lanczos3))
+    jpeg(&imageops::resize(
+        &image,
+        width,
+        height.max(1),
+        FilterType::Lanczos3,
+    ))
 }
 
 /// A part of the picture as a JPEG `width` pixels wide, each pixel a sharp square.
@@ -37,11 +46,19 @@ pub fn whole(shown: &Shown, width: u32) -> anyhow::Result<Vec<u8>> {
 pub fn part(shown: &Shown, part: Part, width: u32) -> anyhow::Result<Vec<u8>> {
     let image = to_image(shown)?;
     let length = |share: f64, side: u32| (share * f64::from(side)).round() as u32;
-    let (across, down) = (length(part.side, image.width()), length(part.side, image.height()));
+    let (across, down) = (
+        length(part.side, image.width()),
+        length(part.side, image.height()),
+    );
     let (x, y) = (length(part.x, image.width()), length(part.y, image.height()));
     let cut = imageops::crop_imm(&image, x, y, across.max(1), down.max(1)).to_image();
     let height = f64::from(width) * f64::from(cut.height()) / f64::from(cut.width());
-    jpeg(&imageops::resize(&cut, width, height.round() as u32, FilterType::Nearest))
+    jpeg(&imageops::resize(
+        &cut,
+        width,
+        height.round() as u32,
+        FilterType::Nearest,
+    ))
 }
 
 fn to_image(shown: &Shown) -> anyhow::Result<RgbImage> {

@@ -77,7 +77,7 @@ pub fn linear(picture: &Picture) -> ImageRgb {
     ImageRgb {
         width: picture.size.width as usize,
         height: picture.size.height as usize,
-        data: picture.beauty.iter().map(|light| light.to_array()).collect(),
+        data: picture.beauty.iter().map(glam::Vec3::to_array).collect(),
         encoding: Encoding::Linear,
     }
 }
@@ -133,6 +133,12 @@ mod tests {
     #[test]
     fn names_of_metrics_follow_the_published_slopes() {
         assert_eq!(Slopes::PUBLISHED[0], Slopes::default());
-        assert_eq!(METRICS.iter().filter(|metric| metric.scale == Scale::Percent).count(), 2 * Slopes::PUBLISHED.len());
+        assert_eq!(
+            METRICS
+                .iter()
+                .filter(|metric| metric.scale == Scale::Percent)
+                .count(),
+            2 * Slopes::PUBLISHED.len()
+        );
     }
 }

@@ -39,72 +39,45 @@ pub struct Series {
 impl Plot {
     /// The plot as an SVG document.
     pub fn to_svg(&self) -> String {
-        let x_max = self.largest(|point| point.0);
-        let y_max = self.largest(|point| point.1);
-        let (x_step, y_step) = (step(x_max), step(y_max));
-        let (x_max, y_max) = (x_max, (y_max / y_step).ceil() * y_step);
-        let x_of = |x: f64| LEFT + (WIDTH - LEFT - RIGHT) * x / x_max;
-        let y_of = |y: f64| HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * y / y_max;
+        let scale = Scale::of(self);
+        let title = escape(&self.title);
+        let series: String = self.series.iter().map(|series| series.to_svg(&scale)).collect();
+        format!(
+            r##"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="11" role="img"><title>{title}</title><rect width="{WIDTH}" height="{HEIGHT}" fill="#fff"/><text x="{LEFT}" y="18" font-size="13" font-weight="bold">{title}</text>{}{series}{}</svg>"##,
+            self.axes(&scale),
+            self.legend()
+        )
+    }
 
-        let mut svg = format!(
-            r##"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="11" role="img"><title>{title}</title><rect width="{WIDTH}" height="{HEIGHT}" fill="#fff"/><text x="{LEFT}" y="18" font-size="13" font-weight="bold">{title}</text>"##,
-            title = escape(&self.title)
-        );
-        // Grid and axes.
-        for tick in ticks(y_max, y_step) {
-            let y = y_of(tick);
+    fn axes(&self, scale: &Scale) -> String {
+        let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);
+        let mut svg = String::new();
+        for tick in ticks(scale.y_max, scale.y_step) {
+            let y = scale.y(tick);
             let _ = write!(
                 svg,
-                r##"<path d="M{LEFT} {y:.1}H{}" stroke="#ddd"/><text x="{:.1}" y="{:.1}" text-anchor="end">{}</text>"##,
-                WIDTH - RIGHT,
+                r##"<path d="M{LEFT} {y:.1}H{right}" stroke="#ddd"/><text x="{:.1}" y="{:.1}" text-anchor="end">{}</text>"##,
                 LEFT - 5.0,
                 y + 4.0,
-                number(tick, y_step)
+                number(tick, scale.y_step)
             );
         }
-        for tick in ticks(x_max, x_step) {
+        for tick in ticks(scale.x_max, scale.x_step) {
             let _ = write!(
                 svg,
-                r##"<text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text>"##,
-                x_of(tick),
-                HEIGHT - BOTTOM + 14.0,
-                number(tick, x_step)
+                r#"<text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
+                scale.x(tick),
+                bottom + 14.0,
+                number(tick, scale.x_step)
             );
         }
         let _ = write!(
             svg,
-            r##"<path d="M{LEFT} {TOP}V{bottom}H{}" fill="none" stroke="#333"/><text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text>"##,
-            WIDTH - RIGHT,
-            f64::midpoint(LEFT, WIDTH - RIGHT),
-            HEIGHT - BOTTOM + 28.0,
-            escape(self.x_label),
-            bottom = HEIGHT - BOTTOM
+            r##"<path d="M{LEFT} {TOP}V{bottom}H{right}" fill="none" stroke="#333"/><text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text>"##,
+            f64::midpoint(LEFT, right),
+            bottom + 28.0,
+            escape(self.x_label)
         );
-        // Lines and points.
-        for series in &self.series {
-            let (color, dash) = (COLORS[series.style % 4], DASHES[series.style % 4]);
-            if !series.points_only {
-                let path: Vec<String> = (series.points.iter())
-                    .map(|&(x, y)| format!("{:.1} {:.1}", x_of(x), y_of(y)))
-                    .collect();
-                let _ = write!(
-                    svg,
-                    r##"<path d="M{}" fill="none" stroke="{color}" stroke-width="2" stroke-dasharray="{dash}"/>"##,
-                    path.join("L")
-                );
-            } else {
-                for &(x, y) in &series.points {
-                    let _ = write!(
-                        svg,
-                        r##"<circle cx="{:.1}" cy="{:.1}" r="3.5" fill="#fff" stroke="{color}" stroke-width="1.5"/>"##,
-                        x_of(x),
-                        y_of(y)
-                    );
-                }
-            }
-        }
-        svg.push_str(&self.legend());
-        svg.push_str("</svg>");
         svg
     }
 
@@ -114,22 +87,92 @@ impl Plot {
         for (place, series) in self.series.iter().enumerate() {
             let x = 12.0 + (WIDTH - 16.0) / 2.0 * (place % 2) as f64;
             let y = HEIGHT - 26.0 + 16.0 * (place / 2) as f64;
-            let (color, dash) = (COLORS[series.style % 4], DASHES[series.style % 4]);
-            let mark = if series.points_only {
-                format!(r##"<circle cx="{:.1}" cy="{y}" r="3.5" fill="#fff" stroke="{color}" stroke-width="1.5"/>"##, x + 10.0)
+            let color = COLORS[series.style % COLORS.len()];
+            let line = if series.points_only {
+                mark(x + 10.0, y, color)
             } else {
-                format!(r##"<path d="M{x} {y}h20" stroke="{color}" stroke-width="2" stroke-dasharray="{dash}"/>"##)
+                let dash = DASHES[series.style % DASHES.len()];
+                format!(
+                    r#"<path d="M{x} {y}h20" stroke="{color}" stroke-width="2" stroke-dasharray="{dash}"/>"#
+                )
             };
-            let _ = write!(svg, r##"{mark}<text x="{:.1}" y="{:.1}">{}</text>"##, x + 26.0, y + 4.0, escape(&series.name));
+            let _ = write!(
+                svg,
+                r#"{line}<text x="{:.1}" y="{:.1}">{}</text>"#,
+                x + 26.0,
+                y + 4.0,
+                escape(&series.name)
+            );
         }
         svg
     }
+}
 
-    /// Never 0, so that one can divide by it.
-    fn largest(&self, axis: impl Fn(&(f64, f64)) -> f64) -> f64 {
-        let values = self.series.iter().flat_map(|series| series.points.iter().map(&axis));
-        let largest = values.fold(0.0, f64::max);
-        if largest > 0.0 { largest } else { 1.0 }
+impl Series {
+    fn to_svg(&self, scale: &Scale) -> String {
+        let color = COLORS[self.style % COLORS.len()];
+        let at = |&(x, y): &(f64, f64)| (scale.x(x), scale.y(y));
+        if self.points_only {
+            return self
+                .points
+                .iter()
+                .map(at)
+                .map(|(x, y)| mark(x, y, color))
+                .collect();
+        }
+        let places: Vec<String> = (self.points.iter().map(at))
+            .map(|(x, y)| format!("{x:.1} {y:.1}"))
+            .collect();
+        format!(
+            r#"<path d="M{}" fill="none" stroke="{color}" stroke-width="2" stroke-dasharray="{}"/>"#,
+            places.join("L"),
+            DASHES[self.style % DASHES.len()]
+        )
+    }
+}
+
+fn mark(x: f64, y: f64, color: &str) -> String {
+    format!(r##"<circle cx="{x:.1}" cy="{y:.1}" r="3.5" fill="#fff" stroke="{color}" stroke-width="1.5"/>"##)
+}
+
+/// Where numbers lie on the plot.
+#[derive(Debug)]
+struct Scale {
+    x_max: f64,
+    y_max: f64,
+    x_step: f64,
+    y_step: f64,
+}
+
+impl Scale {
+    fn of(plot: &Plot) -> Self {
+        let largest = |axis: fn(&(f64, f64)) -> f64| {
+            let values = plot
+                .series
+                .iter()
+                .flat_map(|series| series.points.iter().map(axis));
+            match values.fold(0.0, f64::max) {
+                // So that one can divide by it.
+                0.0 => 1.0,
+                largest => largest,
+            }
+        };
+        let (x_max, y_max) = (largest(|point| point.0), largest(|point| point.1));
+        let (x_step, y_step) = (step(x_max), step(y_max));
+        Self {
+            x_max,
+            y_max: (y_max / y_step).ceil() * y_step,
+            x_step,
+            y_step,
+        }
+    }
+
+    fn x(&self, x: f64) -> f64 {
+        LEFT + (WIDTH - LEFT - RIGHT) * x / self.x_max
+    }
+
+    fn y(&self, y: f64) -> f64 {
+        HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * y / self.y_max
     }
 }
 
@@ -137,7 +180,9 @@ impl Plot {
 fn step(max: f64) -> f64 {
     let rough = max / 5.0;
     let magnitude = 10f64.powf(rough.log10().floor());
-    let factor = [1.0, 2.0, 5.0].into_iter().find(|factor| factor * magnitude >= rough);
+    let factor = [1.0, 2.0, 5.0]
+        .into_iter()
+        .find(|factor| factor * magnitude >= rough);
     factor.unwrap_or(10.0) * magnitude
 }
 
@@ -153,7 +198,10 @@ fn number(value: f64, step: f64) -> String {
 
 /// Text as XML has it.
 pub fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
 }
 
 #[cfg(test)]
@@ -162,7 +210,13 @@ mod tests {
 
     #[test]
     fn steps_are_round_and_ticks_cover_the_range() {
-        for (max, expected) in [(10.0, 2.0), (9.0, 2.0), (0.06, 0.02), (1_453.0, 500.0), (1.0, 0.2)] {
+        for (max, expected) in [
+            (10.0, 2.0),
+            (9.0, 2.0),
+            (0.06, 0.02),
+            (1_453.0, 500.0),
+            (1.0, 0.2),
+        ] {
             assert!((step(max) - expected).abs() < 1e-12, "{max}: {}", step(max));
         }
         assert_eq!(ticks(10.0, 2.0).count(), 6);
