@@ -71,7 +71,7 @@ const ENCODE_SERIAL: f64 = 0.8;
 /// Part of the predicted time that is kept as margin.
 const MARGIN_SHARE: f64 = 0.1;
 /// Margin for what does not depend on the size of the picture.
-const MARGIN_MIN: Duration = Duration::from_millis(8);
+const MARGIN_MIN: Duration = Duration::from_millis(35);
 /// Part of the predicted time that is added to the margin for cores that are entirely contended.
 const MARGIN_SHARE_CONTENDED: f64 = 0.3;
 /// Frames shorter than a few finish phases still trace for this part of their time.
