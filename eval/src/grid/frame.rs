@@ -18,7 +18,7 @@ use render::{
     pixel_group::PixelGroups,
     reconstruct::{Reconstruction, assemble},
     scene::load::{LoadOptions, load},
-    settings::{Algorithm, Settings},
+    settings::{Algorithm, LightPoints, Settings},
     task::Task,
     vpl::{VplSet, trace_sets},
 };
@@ -74,7 +74,21 @@ impl PreparedScene {
     /// # Errors
     /// If the settings are impossible.
     pub fn frame(&self, algorithm: Algorithm) -> anyhow::Result<VirtualFrame<'_>> {
-        let settings = self.settings(algorithm);
+        self.frame_of(self.settings(algorithm))
+    }
+
+    /// A frame whose direct light is sampled at other points for each pixel, which the paper's is not.
+    ///
+    /// # Errors
+    /// If the settings are impossible.
+    pub fn frame_with_points_per_pixel(&self, algorithm: Algorithm) -> anyhow::Result<VirtualFrame<'_>> {
+        self.frame_of(Settings {
+            light_points: LightPoints::PerPixel,
+            ..self.settings(algorithm)
+        })
+    }
+
+    fn frame_of(&self, settings: Settings) -> anyhow::Result<VirtualFrame<'_>> {
         let mut queues = TaskQueues::new(&settings);
         let order: Vec<Task> = std::iter::from_fn(|| queues.next_task()).collect();
         Ok(VirtualFrame {

@@ -12,7 +12,7 @@ use render::{
 
 use super::{
     arithmetic::{direct_percent, indirect_percent, straightforward_percent},
-    judge::{Scores, judge, linear},
+    judge::{Scores, judge, linear, vdp_from},
     published::{ROWS, Row},
 };
 use crate::{
@@ -23,6 +23,7 @@ use crate::{
         simulate::{Circumstances, Run, simulate},
     },
     image::ImageRgb,
+    metrics::vdp,
 };
 
 /// Both algorithms, in the paper's order.
@@ -129,6 +130,15 @@ pub struct FaultRun {
     pub run: Run,
 }
 
+/// VDP in each row with the paper's numbers of tasks, when one thing is different.
+#[derive(Debug, Clone)]
+pub struct Variation {
+    /// What is different.
+    pub name: &'static str,
+    /// Of both algorithms in each row.
+    pub vdp: Vec<[f64; 2]>,
+}
+
 /// All results of one scene.
 #[derive(Debug, Clone)]
 pub struct SceneResult {
@@ -142,6 +152,8 @@ pub struct SceneResult {
     pub full_workload: [Duration; 2],
     /// Rows of the tables.
     pub rows: Vec<RowResult>,
+    /// What the result would be if one thing were different.
+    pub variations: Vec<Variation>,
     /// Error over deadline.
     pub curve: Vec<CurvePoint>,
     /// The runs of section 4.2, the one without changes first; none in most scenes.
@@ -173,16 +185,17 @@ pub fn run_scene(
     };
 
     tell("rendering and judging the rows");
-    let rows: Vec<Row> = plan
+    let published: Vec<Row> = plan
         .rows
         .iter()
         .copied()
         .filter(|row| row.scene == scene.name)
         .collect();
-    let rows = rows
-        .into_par_iter()
-        .map(|row| laboratory.row(row))
+    let rows = (published.par_iter())
+        .map(|&row| laboratory.row(row))
         .collect::<anyhow::Result<Vec<_>>>()?;
+    tell("what would be if one thing were different");
+    let variations = variations(&prepared, &laboratory, &published)?;
     tell("the error over the deadline");
     let curve = laboratory.curve(&rows)?;
     let faults = if rows
@@ -200,9 +213,58 @@ pub fn run_scene(
         gold_difference: largest_difference(&gold, &other_gold),
         full_workload: [0, 1].map(|algorithm| laboratory.full_workload(algorithm)),
         rows,
+        variations,
         curve,
         faults,
     })
+}
+
+/// What the paper does not say, or what this renderer may do unlike theirs.
+fn variations(
+    prepared: &PreparedScene,
+    laboratory: &Laboratory<'_>,
+    rows: &[Row],
+) -> anyhow::Result<Vec<Variation>> {
+    let default = vdp::Viewing::default().distance;
+    let frames = ALGORITHMS.map(|algorithm| prepared.frame_with_points_per_pixel(algorithm));
+    let [component, straightforward] = frames;
+    let frames = [component?, straightforward?];
+    let per_pixel = Laboratory {
+        plan: laboratory.plan,
+        scene: laboratory.scene,
+        gold: linear(&frames[0].gold()?),
+        frames,
+    };
+    let all_direct: Tasks = |row| {
+        let [[_, indirect], straightforward] = tasks_of(row);
+        [[u32::MAX, indirect], straightforward]
+    };
+    let all_indirect: Tasks = |row| {
+        let [[direct, _], straightforward] = tasks_of(row);
+        [[direct, u32::MAX], straightforward]
+    };
+    let variation = |name, laboratory: &Laboratory<'_>, distance, tasks| {
+        anyhow::Ok(Variation {
+            name,
+            vdp: laboratory.vdp_of_counts(rows, distance, tasks)?,
+        })
+    };
+    Ok(vec![
+        variation("from 1 m instead of 0.5 m", laboratory, 2.0 * default, tasks_of)?,
+        variation("other light points for each pixel", &per_pixel, default, tasks_of)?,
+        variation(
+            "all direct tasks of component-based",
+            laboratory,
+            default,
+            all_direct,
+        )?,
+        variation(
+            "all indirect tasks of component-based",
+            laboratory,
+            default,
+            all_indirect,
+        )?,
+    ])
 }
 
 /// One scene with everything that its experiments share.
@@ -225,8 +287,8 @@ impl Laboratory<'_> {
             published: row,
             grid: [grid(0)?, grid(1)?],
             counts: [
-                self.attempt_of_counts(0, [row.direct_tasks, row.indirect_tasks])?,
-                self.attempt_of_counts(1, [row.straightforward_tasks, 0])?,
+                self.attempt_of_counts(0, tasks_of(&row)[0])?,
+                self.attempt_of_counts(1, tasks_of(&row)[1])?,
             ],
         })
     }
@@ -255,8 +317,13 @@ impl Laboratory<'_> {
         self.attempt(algorithm, tasks, partial, &picture)
     }
 
-    /// The first tasks of each queue, all of them whole.
     fn attempt_of_counts(&self, algorithm: usize, tasks: [u32; 2]) -> anyhow::Result<Attempt> {
+        let picture = self.picture_of_counts(algorithm, tasks)?;
+        self.attempt(algorithm, tasks, 0, &picture)
+    }
+
+    /// The first tasks of each queue, all of them whole.
+    fn picture_of_counts(&self, algorithm: usize, tasks: [u32; 2]) -> anyhow::Result<Picture> {
         let frame = &self.frames[algorithm];
         let of = |component: Component, count: u32| {
             let queue = frame.order().iter().copied();
@@ -269,8 +336,19 @@ impl Laboratory<'_> {
             Algorithm::Straightforward => Component::Full,
         };
         let done = of(first, tasks[0]).chain(of(Component::Indirect, tasks[1]));
-        let picture = frame.picture(done.map(|task| (task, frame.pixels(task))))?;
-        self.attempt(algorithm, tasks, 0, &picture)
+        frame.picture(done.map(|task| (task, frame.pixels(task))))
+    }
+
+    /// VDP with so many tasks, in each row, from a distance in metres.
+    fn vdp_of_counts(&self, rows: &[Row], distance: f64, tasks: Tasks) -> anyhow::Result<Vec<[f64; 2]>> {
+        let vdp = |row: &Row| {
+            let of = |algorithm: usize| {
+                let picture = self.picture_of_counts(algorithm, tasks(row)[algorithm])?;
+                vdp_from(distance, &self.gold, &linear(&picture), self.scene.exposure_stops)
+            };
+            Ok([of(0)?, of(1)?])
+        };
+        rows.par_iter().map(vdp).collect()
     }
 
     fn attempt(
@@ -360,6 +438,17 @@ impl Laboratory<'_> {
                 .collect(),
         }
     }
+}
+
+/// Numbers of tasks for each algorithm: direct and indirect, or those of the straightforward one and 0.
+type Tasks = fn(&Row) -> [[u32; 2]; 2];
+
+/// The paper's numbers of tasks for each algorithm.
+fn tasks_of(row: &Row) -> [[u32; 2]; 2] {
+    [
+        [row.direct_tasks, row.indirect_tasks],
+        [row.straightforward_tasks, 0],
+    ]
 }
 
 fn largest_difference(a: &Picture, b: &Picture) -> f32 {

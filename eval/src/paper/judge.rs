@@ -82,6 +82,28 @@ pub fn linear(picture: &Picture) -> ImageRgb {
     }
 }
 
+/// VDP(P > 75 %), slope 1.0, of a picture that is looked at from `distance` metres.
+///
+/// # Errors
+/// If the pictures' sizes differ.
+pub fn vdp_from(
+    distance: f64,
+    gold: &ImageRgb,
+    image: &ImageRgb,
+    exposure_stops: f64,
+) -> anyhow::Result<f64> {
+    let settings = vdp::Settings {
+        viewing: vdp::Viewing {
+            distance,
+            ..vdp::Viewing::default()
+        },
+        ..vdp::Settings::default()
+    };
+    let pair = Pair::new(gold, image, exposure_stops)?;
+    let found = visible_differences(&pair, &settings, &[Slopes::default()])?;
+    Ok(found.first().map_or(0.0, |found| found.percent))
+}
+
 /// Judges a picture by the gold one.
 ///
 /// # Errors
