@@ -33,6 +33,11 @@ const FAULTS: (&str, u32) = ("Conference Room", 10);
 /// Machines at the two ends of the runs of section 4.2.
 const FAULT_MACHINES: [u32; 2] = [14, 24];
 
+/// The variation in which the component-based algorithm has done all direct tasks.
+pub const ALL_DIRECT: &str = "all direct tasks of component-based";
+/// The variation in which the component-based algorithm has done all indirect tasks.
+pub const ALL_INDIRECT: &str = "all indirect tasks of component-based";
+
 /// What is to be done.
 #[derive(Debug, Clone)]
 pub struct Plan {
@@ -252,18 +257,8 @@ fn variations(
     Ok(vec![
         variation("from 1 m instead of 0.5 m", laboratory, 2.0 * default, tasks_of)?,
         variation("other light points for each pixel", &per_pixel, default, tasks_of)?,
-        variation(
-            "all direct tasks of component-based",
-            laboratory,
-            default,
-            all_direct,
-        )?,
-        variation(
-            "all indirect tasks of component-based",
-            laboratory,
-            default,
-            all_indirect,
-        )?,
+        variation(ALL_DIRECT, laboratory, default, all_direct)?,
+        variation(ALL_INDIRECT, laboratory, default, all_indirect)?,
     ])
 }
 
