@@ -43,14 +43,9 @@ impl Clock {
     }
 }
 
-/// Does something and says how much processor time this thread took for it.
-pub fn thread_cpu_time<T>(work: impl FnOnce() -> T) -> (T, Duration) {
-    let used = || {
-        let time = clock_gettime(ClockId::ThreadCPUTime);
-        // This clock counts up from zero, so neither part is negative.
-        Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
-    };
-    let begin = used();
-    let result = work();
-    (result, used().saturating_sub(begin))
+/// Processor time that the calling thread has used.
+pub fn thread_cpu_time() -> Duration {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    // This clock counts up from zero, so neither part is negative.
+    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
 }

@@ -10,9 +10,20 @@ use protocol::{
     message::{Hello, Refused, Welcome},
     version,
 };
-use tokio::{net::TcpStream, sync::mpsc, time::timeout};
+use tokio::{
+    net::{TcpStream, tcp::OwnedReadHalf},
+    sync::mpsc,
+    time::timeout,
+};
 
-use crate::cli::VERSION;
+use crate::{
+    cli::VERSION,
+    clock::Clock,
+    meter::{Metered, Throughput},
+};
+
+/// Messages of a worker, their bytes counted.
+type Incoming = Reader<ToMaster, Metered<OwnedReadHalf>>;
 
 /// Messages that may wait for a worker to read them. One that lets more pile up is closed.
 const OUTBOX_MESSAGES_MAX: usize = 1_024;
@@ -51,6 +62,8 @@ pub struct Joined {
     pub address: SocketAddr,
     /// Whether this process started it.
     pub is_local: bool,
+    /// How fast its bytes come in.
+    pub throughput: Throughput,
     /// Where to put messages for it. Dropping it closes the connection.
     pub outbox: mpsc::Sender<ToWorker>,
 }
@@ -62,6 +75,8 @@ pub struct Shared {
     pub arrivals: mpsc::Sender<Arrival>,
     /// Tells the worker that this process started.
     pub local_token: String,
+    /// Time since the start of the process.
+    pub clock: Clock,
 }
 
 /// Why a connection ended.
@@ -85,11 +100,14 @@ enum Fault {
 
 /// Serves one connection to its end.
 pub async fn serve(stream: TcpStream, address: SocketAddr, worker: WorkerId, shared: Arc<Shared>) {
-    let opened = protocol::connection::open(stream);
-    let (mut reader, mut writer) = match opened {
-        Ok(halves) => halves,
-        Err(error) => return tracing::debug!(%address, %error, "a connection failed at once"),
-    };
+    // A message of 30 bytes must not wait for company.
+    if let Err(error) = stream.set_nodelay(true) {
+        return tracing::debug!(%address, %error, "a connection failed at once");
+    }
+    let (incoming, outgoing) = stream.into_split();
+    let throughput = Throughput::default();
+    let mut reader = Reader::new(Metered::new(incoming, shared.clock, throughput.clone()));
+    let mut writer = Writer::new(outgoing);
     let hello = match timeout(
         limits::HANDSHAKE_WITHIN,
         shake_hands(&mut reader, &mut writer, worker),
@@ -111,6 +129,7 @@ pub async fn serve(stream: TcpStream, address: SocketAddr, worker: WorkerId, sha
         hello,
         address,
         is_local,
+        throughput,
         outbox,
     });
     if shared.arrivals.send(joined).await.is_err() {
@@ -124,7 +143,7 @@ pub async fn serve(stream: TcpStream, address: SocketAddr, worker: WorkerId, sha
 
 /// `None` if the peer closed before it said anything.
 async fn shake_hands(
-    reader: &mut Reader<ToMaster>,
+    reader: &mut Incoming,
     writer: &mut Writer<ToWorker>,
     worker: WorkerId,
 ) -> Result<Option<Hello>, Fault> {
@@ -151,7 +170,7 @@ async fn shake_hands(
 
 /// Carries messages until one side ends it.
 async fn converse(
-    reader: &mut Reader<ToMaster>,
+    reader: &mut Incoming,
     writer: &mut Writer<ToWorker>,
     mut messages: mpsc::Receiver<ToWorker>,
     worker: WorkerId,
@@ -171,7 +190,7 @@ async fn converse(
 
 /// The next message of the worker; `None` when either side closes in good order.
 async fn write_until_heard(
-    reader: &mut Reader<ToMaster>,
+    reader: &mut Incoming,
     writer: &mut Writer<ToWorker>,
     messages: &mut mpsc::Receiver<ToWorker>,
 ) -> Result<Option<ToMaster>, Fault> {

@@ -1,31 +1,47 @@
-//! Threads for the finish phase, one on each core.
+//! Threads that the deadline waits for: on a core each, and before others where that is allowed.
 //!
 //! Threads that wake each other are put on the same core by Linux, unless another one is idle; it takes
 //! a tenth of a second until they are spread out again, which is as long as the whole finish phase. So
-//! each of these threads stays on a core of its own. On a busy machine that halves the finish phase.
+//! each thread of the finish phase stays on a core of its own. Beside a busy program that halves the
+//! finish phase, and a higher priority halves it again.
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
-use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use rustix::{
+    process::setpriority_process,
+    thread::{CpuSet, sched_getaffinity, sched_setaffinity},
+};
 
-/// Starts the threads; they sleep until they are needed.
+/// Ahead of programs of ordinary priority, behind what the system itself needs.
+const NICE: i32 = -10;
+
+/// Starts the threads of the finish phase; they sleep until they are needed.
 pub fn pool() -> Result<ThreadPool, ThreadPoolBuildError> {
     let cores = allowed();
     ThreadPoolBuilder::new()
+        // None known: as many as the library thinks right, wherever the system puts them.
         .num_threads(cores.len())
         .thread_name(|index| format!("finish {index}"))
         .start_handler(move |index| {
             if let Some(core) = cores.get(index) {
                 stay_on(*core);
             }
+            go_first();
         })
         .build()
+}
+
+/// Puts this thread, and those that it starts, before others. Only the superuser may, or who was given
+/// the right (`RLIMIT_NICE`); nobody else can be helped.
+pub fn go_first() {
+    if let Err(error) = setpriority_process(None, NICE) {
+        tracing::trace!(%error, "the priority stays as it is");
+    }
 }
 
 /// The cores that this process may use.
 fn allowed() -> Vec<usize> {
     match sched_getaffinity(None) {
         Ok(set) => (0..CpuSet::MAX_CPU).filter(|&core| set.is_set(core)).collect(),
-        // As many threads as the standard library thinks right, wherever the system puts them.
         Err(_) => Vec::new(),
     }
 }

@@ -3,7 +3,9 @@
 //! Linux tells for each thread how long it ran and how long it was ready but had to wait
 //! (`/proc/PID/task/TID/schedstat`). Where it does not, nothing is known.
 
-use std::{collections::BTreeMap, fs, path::PathBuf, time::Duration};
+use std::{collections::BTreeMap, fs, iter::Sum, path::PathBuf, time::Duration};
+
+use crate::clock;
 
 /// Watches the threads of some processes.
 #[derive(Debug)]
@@ -19,6 +21,47 @@ pub struct CpuTime {
     pub ran: Duration,
     /// Time on a core or waiting for one.
     pub wanted: Duration,
+}
+
+impl CpuTime {
+    /// What the calling thread has used up to now.
+    pub fn of_this_thread() -> Self {
+        let ran = clock::thread_cpu_time();
+        let waited = fs::read_to_string("/proc/thread-self/schedstat")
+            .ok()
+            .and_then(|times| parse(&times))
+            .map_or(Duration::ZERO, |times| times.wanted.saturating_sub(times.ran));
+        Self {
+            ran,
+            wanted: ran + waited,
+        }
+    }
+
+    /// What was used since an earlier look.
+    #[must_use]
+    pub fn since(self, earlier: Self) -> Self {
+        Self {
+            ran: self.ran.saturating_sub(earlier.ran),
+            wanted: self.wanted.saturating_sub(earlier.wanted),
+        }
+    }
+
+    /// Time on a core, of the time when one was wanted; 1 if none was.
+    pub fn share(self) -> f64 {
+        if self.wanted.is_zero() {
+            return 1.0;
+        }
+        self.ran.as_secs_f64() / self.wanted.as_secs_f64()
+    }
+}
+
+impl Sum for CpuTime {
+    fn sum<I: Iterator<Item = Self>>(times: I) -> Self {
+        times.fold(Self::default(), |sum, time| Self {
+            ran: sum.ran + time.ran,
+            wanted: sum.wanted + time.wanted,
+        })
+    }
 }
 
 impl CpuShare {
@@ -37,17 +80,14 @@ impl CpuShare {
 
     /// What has been used since the last look.
     pub fn look(&mut self) -> CpuTime {
-        let mut sum = CpuTime::default();
-        let mut seen = BTreeMap::new();
-        for (thread, now) in self.threads() {
-            // A thread that is new counts from the next look on.
-            let before = self.seen.get(&thread).copied().unwrap_or(now);
-            sum.ran += now.ran.saturating_sub(before.ran);
-            sum.wanted += now.wanted.saturating_sub(before.wanted);
-            seen.insert(thread, now);
-        }
-        self.seen = seen;
-        sum
+        let now: BTreeMap<String, CpuTime> = self.threads().collect();
+        // A thread that is new counts from the next look on.
+        let used = now
+            .iter()
+            .map(|(thread, &now)| now.since(self.seen.get(thread).copied().unwrap_or(now)));
+        let used = used.sum();
+        self.seen = now;
+        used
     }
 
     fn threads(&self) -> impl Iterator<Item = (String, CpuTime)> {

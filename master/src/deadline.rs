@@ -4,13 +4,14 @@
 //! 0 ──── load, workers join ──── tracing ──── C ── reconstruct ── encode, write ── rename, exit ── D
 //! ```
 //!
-//! **Work.** The finish phase is rehearsed at the start with made-up light: on fewer pixels, on one
-//! thread, counted in processor time, so that neither a small budget nor busy cores spoil the
-//! measurement. Cores divide its parallel part.
+//! **Work.** The finish phase is rehearsed now and then with made-up light, on fewer pixels, on the
+//! threads that will do it. The median of the last few rehearsals counts.
 //!
-//! **Share.** While other programs compute, a thread of ours gets only a share of a core. All through
-//! the tracing, when our tasks keep every core busy, the operating system's own count of time run and
-//! time waited tells that share; the predicted time is divided by it.
+//! **Share.** While other programs compute, a thread of ours gets only a share of a core. Two things
+//! tell which: the operating system's own count of time run and time waited for the threads that trace,
+//! all the time; and the same count for a rehearsal, whose threads may have a higher priority but stand
+//! in the way of those that trace. Each of the two is what the finish phase gets, or less. The
+//! predicted time is divided by the larger one.
 //!
 //! **Margin.** A part of the prediction; more when cores are contended, since whose turn it is comes by
 //! chance; and what timers were seen to oversleep.
@@ -20,21 +21,28 @@
 //! **If it was wrong.** When at C less time is left than a reconstruction takes, missing pixels stay
 //! black ([`Ledger::affords`]): a worse picture, never a later one.
 
-use std::time::Duration;
+use std::{collections::VecDeque, time::Duration};
 
 use crate::{frame_time::FrameTime, link::Recent};
 
-/// The finish phase of a picture, in processor time on one thread.
+/// The finish phase of a picture, in time on cores that do nothing else.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FinishWork {
     /// Pixels of the picture.
     pub pixels: usize,
     /// Assembling a picture of which half is missing.
     pub assemble: Duration,
-    /// Assembling it without filling in what is missing.
-    pub assemble_bare: Duration,
-    /// Making the larger of the two files.
+    /// Making the files.
     pub encode: Duration,
+}
+
+/// What a rehearsal taught.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rehearsed {
+    /// How long it would have taken on free cores.
+    pub work: FinishWork,
+    /// The share of a core that its threads got.
+    pub share: f64,
 }
 
 impl FinishWork {
@@ -43,20 +51,17 @@ impl FinishWork {
         let each = |nanoseconds| Duration::from_nanos(nanoseconds * pixels as u64);
         Self {
             pixels,
-            assemble: each(500),
-            assemble_bare: each(150),
-            encode: each(150),
+            assemble: each(300),
+            encode: each(120),
         }
     }
 
-    /// The same for another number of pixels.
-    #[must_use]
-    pub fn scaled_to(self, pixels: usize) -> Self {
-        let scale = pixels as f64 / self.pixels.max(1) as f64;
+    /// The same for another number of pixels, of which each costs `surcharge` times as much.
+    fn scaled_to(self, pixels: usize, surcharge: f64) -> Self {
+        let scale = surcharge * pixels as f64 / self.pixels.max(1) as f64;
         Self {
             pixels,
             assemble: self.assemble.mul_f64(scale),
-            assemble_bare: self.assemble_bare.mul_f64(scale),
             encode: self.encode.mul_f64(scale),
         }
     }
@@ -64,18 +69,18 @@ impl FinishWork {
 
 /// From the last byte written to the end of the process, until the picture's size is known.
 const LEAVE_UNKNOWN: Duration = Duration::from_millis(40);
-/// Part of the assembly that only one core can do.
-const ASSEMBLE_SERIAL: f64 = 0.25;
-/// Part of the encoding that only one core can do.
-const ENCODE_SERIAL: f64 = 0.8;
+/// Rehearsals that are remembered.
+const REHEARSALS: usize = 5;
+/// What the real thing costs for each pixel, compared with a rehearsal of the same size…
+const SURCHARGE: f64 = 1.2;
+/// …and how much more for each doubling of the pixels: less of a large picture lies in the caches.
+const SURCHARGE_PER_DOUBLING: f64 = 0.1;
 /// Part of the predicted time that is kept as margin.
 const MARGIN_SHARE: f64 = 0.1;
 /// Margin for what does not depend on the size of the picture.
-const MARGIN_MIN: Duration = Duration::from_millis(35);
+const MARGIN_MIN: Duration = Duration::from_millis(18);
 /// Part of the predicted time that is added to the margin for cores that are entirely contended.
 const MARGIN_SHARE_CONTENDED: f64 = 0.3;
-/// Frames shorter than a few finish phases still trace for this part of their time.
-const TRACING_SHARE_MIN: f64 = 0.3;
 /// How fast old measurements of the share are forgotten.
 const SHARE_MEMORY: Duration = Duration::from_millis(500);
 /// Measurement that is assumed at the start: cores to ourselves, for so long.
@@ -88,8 +93,9 @@ const SHARE_MIN: f64 = 0.05;
 pub struct Ledger {
     deadline: FrameTime,
     cores: f64,
-    work: FinishWork,
+    pixels: usize,
     leave: Duration,
+    rehearsals: VecDeque<Rehearsed>,
     share: Share,
     lateness: Recent,
 }
@@ -108,8 +114,9 @@ impl Ledger {
         Self {
             deadline,
             cores: cores.max(1) as f64,
-            work: FinishWork::unknown(pixels),
+            pixels,
             leave: LEAVE_UNKNOWN,
+            rehearsals: VecDeque::new(),
             share: Share {
                 ran_s: assumed,
                 wanted_s: assumed,
@@ -118,16 +125,19 @@ impl Ledger {
         }
     }
 
-    /// The finish phase was rehearsed, on a picture of any size.
-    pub fn rehearsed(&mut self, work: FinishWork) {
-        self.work = work.scaled_to(self.work.pixels);
-    }
-
     /// The picture has so many pixels, as is now known, and after its files are written it takes so long
     /// to put them in their places and to end the process.
     pub fn resize(&mut self, pixels: usize, leave: Duration) {
-        self.work = self.work.scaled_to(pixels);
+        self.pixels = pixels;
         self.leave = leave;
+    }
+
+    /// The finish phase was rehearsed, on a picture of any size.
+    pub fn rehearsed(&mut self, rehearsed: Rehearsed) {
+        if self.rehearsals.len() == REHEARSALS {
+            self.rehearsals.pop_front();
+        }
+        self.rehearsals.push_back(rehearsed);
     }
 
     /// In an interval of this length threads of ours ran, and wanted to run, for these times in all.
@@ -152,30 +162,17 @@ impl Ledger {
 
     /// The moment after which no result counts.
     pub fn cut_off(&self) -> FrameTime {
-        let most = self.deadline.elapsed().mul_f64(1.0 - TRACING_SHARE_MIN);
-        self.deadline - (self.finish(self.work.assemble) + self.margin()).min(most)
+        self.deadline - (self.finish_time() + self.margin())
     }
 
     /// Whether there is time to fill in missing pixels.
     pub fn affords(&self, now: FrameTime) -> bool {
-        now + self.finish(self.work.assemble) <= self.deadline
+        now + self.finish_time() <= self.deadline
     }
 
     /// Predicted time from the cut-off to the end of the process.
     pub fn finish_time(&self) -> Duration {
-        self.finish(self.work.assemble)
-    }
-
-    /// The share of a core that a thread of ours gets.
-    pub fn share(&self) -> f64 {
-        (self.share.ran_s / self.share.wanted_s).clamp(SHARE_MIN, 1.0)
-    }
-
-    fn finish(&self, assemble: Duration) -> Duration {
-        let on_cores = |work: Duration, serial: f64| work.mul_f64(serial + (1.0 - serial) / self.cores);
-        let alone =
-            on_cores(assemble, ASSEMBLE_SERIAL) + on_cores(self.work.encode, ENCODE_SERIAL) + self.leave;
-        alone.div_f64(self.share())
+        (self.work() + self.leave).div_f64(self.share())
     }
 
     /// Time that is kept besides.
@@ -183,5 +180,29 @@ impl Ledger {
         let contended = 1.0 - self.share();
         let part = MARGIN_SHARE + MARGIN_SHARE_CONTENDED * contended;
         MARGIN_MIN + self.finish_time().mul_f64(part) + self.lateness.high().unwrap_or_default()
+    }
+
+    /// The share of a core that a thread of the finish phase is expected to get.
+    pub fn share(&self) -> f64 {
+        let tracing = self.share.ran_s / self.share.wanted_s;
+        let rehearsed = self.rehearsals.back().map_or(0.0, |rehearsed| rehearsed.share);
+        tracing.max(rehearsed).clamp(SHARE_MIN, 1.0)
+    }
+
+    /// Assembling and encoding on free cores.
+    fn work(&self) -> Duration {
+        let scaled = |rehearsed: &Rehearsed| {
+            let work = rehearsed.work;
+            let doublings = (self.pixels as f64 / work.pixels.max(1) as f64).log2().max(0.0);
+            let surcharge = SURCHARGE + SURCHARGE_PER_DOUBLING * doublings;
+            let work = work.scaled_to(self.pixels, surcharge);
+            work.assemble + work.encode
+        };
+        let mut durations: Vec<Duration> = self.rehearsals.iter().map(scaled).collect();
+        durations.sort_unstable();
+        durations.get(durations.len() / 2).copied().unwrap_or_else(|| {
+            let unknown = FinishWork::unknown(self.pixels);
+            unknown.assemble + unknown.encode
+        })
     }
 }

@@ -68,7 +68,7 @@ impl StagedFile {
         prefix.push(".");
         let temporary = tempfile::Builder::new()
             .prefix(&prefix)
-            .suffix(".part")
+            .suffix(".partial")
             // As any new file: readable for whom the umask says, unlike other temporary files.
             .permissions(Permissions::from_mode(0o666))
             .tempfile_in(folder)

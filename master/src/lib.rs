@@ -23,6 +23,7 @@ pub mod roster;
 pub mod session;
 
 pub mod connection;
+pub mod meter;
 pub mod server;
 pub mod wire;
 
@@ -33,6 +34,7 @@ pub mod reference;
 pub mod deliver;
 pub mod finish;
 pub mod rehearsal;
+pub mod rehearsals;
 pub mod report;
 pub mod reporting;
 

@@ -7,6 +7,8 @@
 
 use std::{collections::VecDeque, time::Duration};
 
+use crate::meter::Throughput;
+
 /// Measurements that are remembered of each kind.
 const RECENT: usize = 32;
 /// The share of the remembered measurements that may be larger than the estimate.
@@ -19,15 +21,25 @@ const CHUNK_UNKNOWN: Duration = Duration::from_millis(2);
 const BYTES_PER_SECOND_MIN: f64 = 12.5e6;
 
 /// What is known of the way to one worker.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Link {
     round_trips: Recent,
     chunks: Recent,
     result_bytes: f64,
-    bytes_per_second: f64,
+    throughput: Throughput,
 }
 
 impl Link {
+    /// A way whose bytes are metered.
+    pub fn new(throughput: Throughput) -> Self {
+        Self {
+            round_trips: Recent::default(),
+            chunks: Recent::default(),
+            result_bytes: 0.0,
+            throughput,
+        }
+    }
+
     /// A ping was answered.
     pub fn round_trip(&mut self, duration: Duration) {
         self.round_trips.push(duration);
@@ -41,18 +53,10 @@ impl Link {
         self.result_bytes = self.result_bytes.max(bytes as f64);
     }
 
-    /// Bytes came one after the other without a pause.
-    pub fn throughput(&mut self, bytes: usize, duration: Duration) {
-        let rate = bytes as f64 / duration.as_secs_f64();
-        if rate.is_finite() {
-            self.bytes_per_second = self.bytes_per_second.max(rate);
-        }
-    }
-
     /// How long before the cut-off a worker with so many slots must stop.
     pub fn delta_t(&self, slots: u32) -> Duration {
         let flush_bytes = self.result_bytes * f64::from(slots);
-        let flush = flush_bytes / self.bytes_per_second.max(BYTES_PER_SECOND_MIN);
+        let flush = flush_bytes / self.throughput.bytes_per_second().max(BYTES_PER_SECOND_MIN);
         self.round_trips.high().unwrap_or(ROUND_TRIP_UNKNOWN)
             + self.chunks.high().unwrap_or(CHUNK_UNKNOWN)
             + Duration::from_secs_f64(flush)
@@ -93,17 +97,18 @@ mod tests {
 
     #[test]
     fn delta_t_adds_the_round_trip_a_chunk_and_the_last_results_of_all_slots() {
-        let mut link = Link::default();
+        let throughput = Throughput::default();
+        throughput.saw(125_000, ms(1));
+        let mut link = Link::new(throughput);
         link.round_trip(ms(2));
         link.result(125_000, 10, ms(30));
-        link.throughput(125_000, ms(1));
         // Four slots with 125 kB each at 125 MB/s.
         assert_eq!(link.delta_t(4), ms(2 + 3 + 4));
     }
 
     #[test]
     fn a_single_hiccup_among_many_round_trips_does_not_count() {
-        let mut link = Link::default();
+        let mut link = Link::new(Throughput::default());
         link.result(0, 1, ms(0));
         for _ in 0..31 {
             link.round_trip(ms(1));
@@ -114,7 +119,7 @@ mod tests {
 
     #[test]
     fn a_way_that_has_become_slow_is_believed_after_a_few_measurements() {
-        let mut link = Link::default();
+        let mut link = Link::new(Throughput::default());
         link.result(0, 1, ms(0));
         for milliseconds in [1, 1, 1, 1, 40, 40, 40] {
             link.round_trip(ms(milliseconds));

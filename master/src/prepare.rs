@@ -15,6 +15,7 @@ use tokio::sync::mpsc;
 use crate::{
     cli::Integrator,
     clock::Clock,
+    cores,
     exit::{Exit, Failure, OrExit},
     job::Job,
 };
@@ -65,6 +66,10 @@ pub fn start(job: &Job, clock: Clock) -> mpsc::UnboundedReceiver<Result<Ready, F
     let job = job.clone();
     thread::spawn(move || {
         let steps = sender.clone();
+        if job.deadline.is_some() {
+            // Without a scene and what the eye sees first there is no picture at all.
+            cores::go_first();
+        }
         // If nobody listens any more the program is ending.
         let tell = |ready| drop(steps.send(Ok(ready)));
         if let Err(failure) = prepare(&job, clock, tell) {

@@ -88,6 +88,15 @@ impl Progress {
         }
     }
 
+    /// What people should know before it begins.
+    pub fn announce(&mut self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| say(line)),
+            None if self.lines => say(line),
+            None => {}
+        }
+    }
+
     /// Takes the bar away and writes the last line.
     pub fn finish(&mut self, line: &str) {
         if let Some(bar) = &self.bar {

@@ -1,15 +1,20 @@
 //! Rehearses the finish phase on fewer pixels of made-up light, to know how long it will take.
+//!
+//! On the same threads, into the same file system, again and again while the frame is traced: so the
+//! cores, their contention and the priority of the threads are those of the real thing.
 
 use std::{path::Path, sync::Arc, time::Duration};
 
+use rayon::ThreadPool;
 use render::{
     buffer::FrameBuffers, gbuffer::Aovs, pixel_group::PixelGroups, reconstruct::Reconstruction,
     scene::ImageSize, settings::Settings,
 };
 
 use crate::{
-    clock::thread_cpu_time,
-    deadline::FinishWork,
+    clock::Clock,
+    cpu_share::CpuTime,
+    deadline::{FinishWork, Rehearsed},
     deliver::PictureFiles,
     exit::{Exit, Failure, OrExit},
     finish::{self, Material},
@@ -18,16 +23,13 @@ use crate::{
 };
 
 /// Processor time that a rehearsal may take, as a share of the deadline.
-const BUDGET_SHARE: f64 = 0.04;
+const BUDGET_SHARE: f64 = 0.006;
 /// What a rehearsal takes for each of its pixels on an ordinary machine.
 const COST_PER_PIXEL: Duration = Duration::from_nanos(500);
 /// The same for each set of virtual point lights.
 const COST_PER_PIXEL_AND_SET: Duration = Duration::from_nanos(40);
 /// Fewer pixels than this tell nothing.
 const PIXELS_MIN: f64 = 16_384.0;
-/// The gap between what was rehearsed and what was measured afterwards: caches hold less of a large
-/// picture, and fresh memory costs more.
-const SURCHARGE: f64 = 1.3;
 /// How much of the work is done at the cut-off.
 const DONE_SHARE: f64 = 0.45;
 /// Results at the end that cover a part of their pixels.
@@ -41,23 +43,113 @@ const LEAVE_MIN: Duration = Duration::from_millis(6);
 /// Tearing down the memory that is left, for each pixel.
 const LEAVE_PER_PIXEL: Duration = Duration::from_nanos(15);
 
-/// Plays the finish phase through, files included, on this thread, and scales it to the whole picture.
-pub fn rehearse(job: &Job, deadline: Duration) -> Result<FinishWork, Failure> {
-    let size = job.size_expected();
-    let settings = job.settings_at(size);
-    let settings = job.settings_at(small(size, settings.vpl_sets, deadline));
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .or_exit(Exit::Unforeseen)?;
-    let work = pool.install(|| Stage::new(settings).play(&job.files))?;
-    Ok(FinishWork {
-        assemble: work.assemble.mul_f64(SURCHARGE),
-        assemble_bare: work.assemble_bare.mul_f64(SURCHARGE),
-        encode: work.encode.mul_f64(SURCHARGE),
-        ..work
+/// A small stage for the play.
+#[derive(Debug)]
+pub struct Rehearsal {
+    settings: Settings,
+    groups: Arc<PixelGroups>,
+    aovs: Arc<Aovs>,
+    files: PictureFiles,
+    clock: Clock,
+}
+
+impl Rehearsal {
+    /// Sets the stage for a job with this deadline.
+    pub fn new(job: &Job, deadline: Duration, clock: Clock) -> Self {
+        let size = job.size_expected();
+        let settings = job.settings_at(size);
+        let settings = job.settings_at(small(size, settings.vpl_sets, deadline));
+        let count = settings.size.pixel_count();
+        Self {
+            groups: Arc::new(PixelGroups::new(&settings)),
+            aovs: Arc::new(Aovs {
+                size: settings.size,
+                albedo: vec![glam::Vec3::splat(LIGHT); count],
+                normal: vec![glam::Vec3::X; count],
+                depth: vec![1.0; count],
+                emission: vec![glam::Vec3::ZERO; count],
+            }),
+            settings,
+            files: job.files.clone(),
+            clock,
+        }
     }
-    .scaled_to(size.pixel_count()))
+
+    /// Plays the finish phase through on these threads.
+    pub fn play(&self, threads: &ThreadPool) -> Result<Rehearsed, Failure> {
+        let material = self.material();
+        let before = used(threads);
+        let work = threads.install(|| self.finish(material))?;
+        let after = used(threads);
+        let share = after.since(before).share();
+        // What others took of the cores meanwhile is not our work.
+        Ok(Rehearsed {
+            work: FinishWork {
+                assemble: work.assemble.mul_f64(share),
+                encode: work.encode.mul_f64(share),
+                ..work
+            },
+            share,
+        })
+    }
+
+    fn finish(&self, material: Material) -> Result<FinishWork, Failure> {
+        let (picture, assemble) = self.clock.time(|| material.reconstruct());
+        // The program may end while this goes on: no name, no debris.
+        let nameless = || self.files.nameless().or_exit(Exit::Output);
+        let mut exr = self.files.exr.as_ref().map(|_| nameless()).transpose()?;
+        let mut png = self.files.png.as_ref().map(|_| nameless()).transpose()?;
+        let encode_exr = || {
+            exr.as_mut()
+                .map(|out| finish::encode_exr(&picture, &[], out))
+                .transpose()
+        };
+        let encode_png = || {
+            png.as_mut()
+                .map(|out| finish::encode_png(&picture, 0.0, out))
+                .transpose()
+        };
+        let ((exr, png), encode) = self.clock.time(|| rayon::join(encode_exr, encode_png));
+        exr.and(png).or_exit(Exit::Output)?;
+        Ok(FinishWork {
+            pixels: self.settings.size.pixel_count(),
+            assemble,
+            encode,
+        })
+    }
+
+    /// The tasks that come first, as if the cut-off had come then: sets of which half is there, one that
+    /// is just being rendered, and a few results that cover a part of their pixels.
+    fn material(&self) -> Material {
+        let mut buffers = FrameBuffers::new(&self.settings, Arc::clone(&self.groups));
+        let mut queues = TaskQueues::new(&self.settings);
+        let count = (queues.iter().count() as f64 * DONE_SHARE) as usize;
+        for place in 0..count {
+            let Some(task) = queues.next_task() else {
+                break;
+            };
+            let whole = self.groups.pixels(task.group).len();
+            let is_cut = place + CUT_TASKS >= count;
+            let pixels = if is_cut {
+                whole.min(self.groups.chunk_pixels())
+            } else {
+                whole
+            };
+            // Refused only if the made-up light were no light; then there is less to fill in.
+            let _ = buffers.add(task, &vec![LIGHT; pixels * task.component.floats_per_pixel()]);
+        }
+        Material {
+            buffers,
+            aovs: Arc::clone(&self.aovs),
+            method: Reconstruction::Nearest,
+            min_set_percent: 0.0,
+        }
+    }
+}
+
+/// What the threads have used up to now.
+fn used(threads: &ThreadPool) -> CpuTime {
+    threads.broadcast(|_| CpuTime::of_this_thread()).into_iter().sum()
 }
 
 /// As many pixels as the budget allows, in the same proportions.
@@ -87,100 +179,21 @@ pub fn leave(size: ImageSize, files: &PictureFiles) -> Duration {
     LEAVE_MIN + LEAVE_PER_PIXEL.mul_f64(pixels) + FREE_PER_BYTE.mul_f64(replaced as f64)
 }
 
-struct Stage {
-    settings: Settings,
-    groups: Arc<PixelGroups>,
-    aovs: Arc<Aovs>,
-}
-
-impl Stage {
-    fn new(settings: Settings) -> Self {
-        let size = settings.size;
-        let count = size.pixel_count();
-        Self {
-            groups: Arc::new(PixelGroups::new(&settings)),
-            aovs: Arc::new(Aovs {
-                size,
-                albedo: vec![glam::Vec3::splat(LIGHT); count],
-                normal: vec![glam::Vec3::X; count],
-                depth: vec![1.0; count],
-                emission: vec![glam::Vec3::ZERO; count],
-            }),
-            settings,
-        }
-    }
-
-    fn play(&self, files: &PictureFiles) -> Result<FinishWork, Failure> {
-        let bare = self.material(Reconstruction::None);
-        let filled = self.material(Reconstruction::Nearest);
-        let (_, assemble_bare) = thread_cpu_time(|| bare.reconstruct());
-        let (picture, assemble) = thread_cpu_time(|| filled.reconstruct());
-        // The program may end while this goes on: no name, no debris.
-        let nameless = || files.nameless().or_exit(Exit::Output);
-        let mut exr = Duration::ZERO;
-        if files.exr.is_some() {
-            let mut out = nameless()?;
-            let (encoded, time) = thread_cpu_time(|| finish::encode_exr(&picture, &[], &mut out));
-            encoded.or_exit(Exit::Output)?;
-            exr = time;
-        }
-        let mut png = Duration::ZERO;
-        if files.png.is_some() {
-            let mut out = nameless()?;
-            let (encoded, time) = thread_cpu_time(|| finish::encode_png(&picture, 0.0, &mut out));
-            encoded.or_exit(Exit::Output)?;
-            png = time;
-        }
-        Ok(FinishWork {
-            pixels: self.settings.size.pixel_count(),
-            assemble,
-            assemble_bare,
-            encode: exr.max(png),
-        })
-    }
-
-    /// The tasks that come first, as if the cut-off had come then: sets of which half is there, one that
-    /// is just being rendered, and a few results that cover a part of their pixels.
-    fn material(&self, method: Reconstruction) -> Material {
-        let mut buffers = FrameBuffers::new(&self.settings, Arc::clone(&self.groups));
-        let mut queues = TaskQueues::new(&self.settings);
-        let count = (queues.iter().count() as f64 * DONE_SHARE) as usize;
-        for place in 0..count {
-            let Some(task) = queues.next_task() else {
-                break;
-            };
-            let whole = self.groups.pixels(task.group).len();
-            let is_cut = place + CUT_TASKS >= count;
-            let pixels = if is_cut {
-                whole.min(self.groups.chunk_pixels())
-            } else {
-                whole
-            };
-            // Refused only if the made-up light were no light; then there is less to fill in.
-            let _ = buffers.add(task, &vec![LIGHT; pixels * task.component.floats_per_pixel()]);
-        }
-        Material {
-            buffers,
-            aovs: Arc::clone(&self.aovs),
-            method,
-            min_set_percent: 0.0,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use clap::Parser;
 
     use super::*;
-    use crate::cli::Cli;
+    use crate::{cli::Cli, cores};
 
     #[test]
     fn a_rehearsal_leaves_no_file_behind_and_takes_time() {
         let folder = tempfile::tempdir().unwrap();
         let flags = format!("master --size 256x192 --out {}/a.exr", folder.path().display());
         let cli = Cli::try_parse_from(flags.split(' ')).unwrap();
-        let work = rehearse(&Job::new(&cli.render).unwrap(), Duration::from_secs(1)).unwrap();
+        let job = Job::new(&cli.render).unwrap();
+        let rehearsal = Rehearsal::new(&job, Duration::from_secs(1), Clock::new(Duration::ZERO));
+        let work = rehearsal.play(&cores::pool().unwrap()).unwrap().work;
         assert!(work.assemble > Duration::ZERO && work.encode > Duration::ZERO);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
@@ -191,7 +204,7 @@ mod tests {
             width: 1024,
             height: 768,
         };
-        assert_eq!(small(size, 16, Duration::from_secs(100)), size);
+        assert_eq!(small(size, 16, Duration::from_secs(1_000)), size);
         let small = small(size, 16, Duration::from_secs(1));
         assert!((16_000..60_000).contains(&small.pixel_count()), "{small:?}");
     }

@@ -2,7 +2,7 @@
 
 use render::{
     reconstruct::{Coverage, Reconstruction},
-    settings::{Algorithm, LightPoints},
+    settings::{Algorithm, LightPoints, Settings},
 };
 
 use crate::{
@@ -85,6 +85,23 @@ pub fn add_coverage(report: &mut Report, coverage: &Coverage) {
 pub fn add_time(report: &mut Report, now: FrameTime) {
     report.elapsed_s = now.elapsed().as_secs_f64();
     report.slack_s = report.deadline_s.map(|deadline| deadline - report.elapsed_s);
+}
+
+/// The workload in a few words.
+pub fn workload(settings: &Settings) -> String {
+    let Settings {
+        groups,
+        spp,
+        vpls,
+        vpl_sets,
+        ..
+    } = settings;
+    let size = format!("{}x{}", settings.size.width, settings.size.height);
+    let clamp = match settings.geometry_clamp {
+        Some(bound) => format!("geometry term up to {bound:.3e}"),
+        None => "geometry term unbounded".to_owned(),
+    };
+    format!("{size}, {groups} groups, {spp} passes, {vpls} VPLs in {vpl_sets} sets, {clamp}")
 }
 
 /// As on the command line.

@@ -59,7 +59,7 @@ impl Roster {
             name: joined.hello.name,
             slots: joined.hello.slots,
             is_local: joined.is_local,
-            link: Link::default(),
+            link: Link::new(joined.throughput),
             prepared: None,
             ready: false,
             outbox: joined.outbox,

@@ -336,9 +336,11 @@ impl Scheduler {
             self.late_results += u64::from(extent != Extent::Nothing);
             return;
         }
-        let counts = match (self.promise, extent) {
-            (_, Extent::Whole) | (Promise::Deadline, Extent::Prefix) => true,
-            (Promise::FullWorkload, Extent::Prefix) | (_, Extent::Nothing) => false,
+        // A cut-off without a deadline is an interruption: then, too, everything is of use.
+        let counts = match extent {
+            Extent::Whole => true,
+            Extent::Prefix => self.promise == Promise::Deadline || self.cut_off.is_some(),
+            Extent::Nothing => false,
         };
         if counts {
             self.status.insert(task, Status::Done(id, extent));

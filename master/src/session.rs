@@ -1,6 +1,6 @@
 //! The one loop of a frame: selects over sockets, timers, signals and threads until the picture is there.
 
-use std::{net::TcpListener, sync::Arc, thread, time::Duration};
+use std::{net::TcpListener, sync::Arc, time::Duration};
 
 use anyhow::anyhow;
 use rayon::ThreadPool;
@@ -16,7 +16,7 @@ use crate::{
     connection::{Arrival, Shared},
     cores,
     cpu_share::CpuShare,
-    deadline::FinishWork,
+    deadline::Rehearsed,
     deliver::StagedPicture,
     exit::{Exit, Failure, OrExit},
     finish::{self, Finished, Material},
@@ -24,9 +24,10 @@ use crate::{
     frame_time::FrameTime,
     job::Job,
     local_worker::{LocalWorker, Start},
-    prepare::{self, Ready},
+    prepare::{self, Loaded, Ready},
     progress::{Progress, Snapshot},
     rehearsal,
+    rehearsals::Rehearsals,
     report::LedgerReport,
     reporting,
     run::Delivered,
@@ -65,7 +66,7 @@ pub struct Session {
     arrivals: mpsc::Receiver<Arrival>,
     ready: mpsc::UnboundedReceiver<Result<Ready, Failure>>,
     all_ready: bool,
-    rehearsed: oneshot::Receiver<FinishWork>,
+    rehearsals: Rehearsals,
     local: Local,
     signals: Signals,
     beat: Interval,
@@ -74,7 +75,7 @@ pub struct Session {
     looked: FrameTime,
     prepared: Prepared,
     shown: (FrameTime, u64),
-    finishers: ThreadPool,
+    finishers: Arc<ThreadPool>,
     ledger: Option<LedgerReport>,
     interrupted: Option<Exit>,
 }
@@ -115,6 +116,7 @@ impl Session {
         let shared = Arc::new(Shared {
             arrivals: sender,
             local_token: setting.local_token.clone(),
+            clock: setting.clock,
         });
         tokio::spawn(server::accept(listener, shared));
         tracing::info!(%address, "workers may connect");
@@ -130,13 +132,14 @@ impl Session {
             restarts: 0,
         };
         local.start(&setting.job, &mut share)?;
+        let finishers = Arc::new(cores::pool().or_exit(Exit::Unforeseen)?);
         let mut beat = interval(BEAT);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         Ok(Self {
             frame: Frame::new(&setting.job, setting.clock),
             ready: prepare::start(&setting.job, setting.clock),
             all_ready: false,
-            rehearsed: rehearse(&setting.job),
+            rehearsals: Rehearsals::start(&setting.job, setting.clock, &finishers),
             arrivals,
             local,
             signals: Signals::listen()?,
@@ -147,7 +150,7 @@ impl Session {
             prepared: Prepared::default(),
             shown: (FrameTime::START, 0),
             ledger: None,
-            finishers: cores::pool().or_exit(Exit::Unforeseen)?,
+            finishers,
             interrupted: None,
             setting,
         })
@@ -186,8 +189,8 @@ impl Session {
             biased;
             () = sleep_until(deadline), if timeout.is_some() => self.time_is_up(timeout)?,
             exit = self.signals.next() => self.interrupt(exit)?,
-            ready = self.ready.recv(), if !self.all_ready => self.now_ready(ready)?,
-            Ok(work) = &mut self.rehearsed, if !self.rehearsed.is_terminated() => self.rehearsed(work),
+            ready = self.ready.recv(), if !self.all_ready => self.now_ready(ready, progress)?,
+            Some(rehearsed) = self.rehearsals.learnt() => self.rehearsed(&rehearsed),
             _ = self.beat.tick() => self.beat(progress),
             how = self.local.ended() => self.local_worker_ended(&how)?,
             Some(arrival) = self.arrivals.recv() => self.frame.arrived(arrival),
@@ -221,13 +224,17 @@ impl Session {
     }
 
     /// What the preparing thread says.
-    fn now_ready(&mut self, ready: Option<Result<Ready, Failure>>) -> Result<(), Failure> {
+    fn now_ready(
+        &mut self,
+        ready: Option<Result<Ready, Failure>>,
+        progress: &mut Progress,
+    ) -> Result<(), Failure> {
         match ready.transpose()? {
             Some(Ready::Loaded(loaded)) => {
                 for note in &loaded.notes {
                     tracing::warn!("{note}");
                 }
-                tracing::info!(triangles = loaded.triangles, settings = ?loaded.settings, "the scene is in memory");
+                progress.announce(&self.greeting(&loaded));
                 self.prepared.settings = Some(loaded.settings);
                 self.prepared.digest.clone_from(&loaded.digest);
                 self.prepared.load = loaded.load;
@@ -250,18 +257,40 @@ impl Session {
         Ok(())
     }
 
-    fn rehearsed(&mut self, work: FinishWork) {
-        tracing::debug!(?work, "the finish phase was rehearsed");
+    /// What will be rendered, and where to join.
+    fn greeting(&self, loaded: &Loaded) -> String {
+        format!(
+            "{}: {} triangles, {}; workers join with --connect {}",
+            self.setting.job.scene.display(),
+            loaded.triangles,
+            reporting::workload(&loaded.settings),
+            self.local.start.master
+        )
+    }
+
+    fn rehearsed(&mut self, rehearsed: &Rehearsed) {
+        tracing::debug!(?rehearsed, "the finish phase was rehearsed");
         if let Some(ledger) = self.frame.ledger() {
-            ledger.rehearsed(work);
+            ledger.rehearsed(*rehearsed);
         }
         self.frame.move_cut_off();
+    }
+
+    /// Rehearses again if it is time, and if the real thing would not have to wait for it.
+    fn rehearse(&mut self) {
+        let now = self.setting.clock.now();
+        let is_steady = self.frame.has_begun() && self.prepared.aovs.is_some();
+        let cut_off = self.frame.timeout();
+        if let (true, Some(cut_off)) = (is_steady, cut_off) {
+            self.rehearsals.again(now, now.until(cut_off));
+        }
     }
 
     /// Everything that happens now and then.
     fn beat(&mut self, progress: &mut Progress) {
         self.beats = self.beats.wrapping_add(1);
         self.measure_share();
+        self.rehearse();
         self.frame.move_cut_off();
         if self.beats.is_multiple_of(BEATS_PER_PING) {
             self.frame.ping();
@@ -431,20 +460,6 @@ impl Session {
         };
         Ok(Delivered { exit, report })
     }
-}
-
-/// Rehearses the finish phase beside the loading of the scene; there is nothing to rehearse without a
-/// deadline.
-fn rehearse(job: &Job) -> oneshot::Receiver<FinishWork> {
-    let (sender, receiver) = oneshot::channel();
-    if let Some(deadline) = job.deadline {
-        let job = job.clone();
-        thread::spawn(move || match rehearsal::rehearse(&job, deadline.elapsed()) {
-            Ok(work) => drop(sender.send(work)),
-            Err(failure) => tracing::debug!(error = %failure.error, "the rehearsal failed"),
-        });
-    }
-    receiver
 }
 
 impl Local {

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use master::{
-    deadline::{FinishWork, Ledger},
+    deadline::{FinishWork, Ledger, Rehearsed},
     frame_time::FrameTime,
 };
 use proptest::prelude::*;
@@ -20,16 +20,29 @@ fn at(milliseconds: u64) -> FrameTime {
     FrameTime::after_start(ms(milliseconds))
 }
 
-/// A frame of which the finish phase takes so long on one thread; half of it when `cores` are two.
-fn ledger(deadline_s: f64, work: Duration) -> Ledger {
+/// The finish phase of a whole picture, in time on free cores.
+fn work(milliseconds: u64) -> FinishWork {
+    FinishWork {
+        pixels: PIXELS,
+        assemble: ms(milliseconds),
+        encode: Duration::ZERO,
+    }
+}
+
+/// A rehearsal on all pixels. What was rehearsed costs a fifth more when it is real.
+fn rehearsal(milliseconds: u64, share: f64) -> Rehearsed {
+    Rehearsed {
+        work: work(milliseconds),
+        share,
+    }
+}
+
+/// A frame of which the finish phase was rehearsed once, threads of ordinary priority standing in each
+/// other's way.
+fn ledger(deadline_s: f64, milliseconds: u64) -> Ledger {
     let deadline = FrameTime::after_start(Duration::from_secs_f64(deadline_s));
     let mut ledger = Ledger::new(deadline, PIXELS, CORES);
-    ledger.rehearsed(FinishWork {
-        pixels: PIXELS,
-        assemble: work,
-        assemble_bare: work / 2,
-        encode: Duration::ZERO,
-    });
+    ledger.rehearsed(rehearsal(milliseconds, 0.1));
     ledger.resize(PIXELS, Duration::ZERO);
     ledger
 }
@@ -48,63 +61,76 @@ fn time_left(ledger: &Ledger) -> Duration {
 
 #[test]
 fn the_cut_off_leaves_time_for_the_rehearsed_finish_and_a_small_margin() {
-    let mut ledger = ledger(8.0, ms(160));
+    let mut ledger = ledger(8.0, 100);
     contend(&mut ledger, 1.0);
-    // A quarter of the work is serial, so two cores do it in 5/8 of the time.
-    assert_eq!(ledger.finish_time(), ms(100));
+    assert_eq!(ledger.finish_time(), ms(120));
     let left = time_left(&ledger);
-    assert!(left >= ms(105) && left <= ms(130), "{left:?}");
+    assert!(left >= ms(135) && left <= ms(155), "{left:?}");
 }
 
 #[test]
 fn the_margin_of_a_one_second_frame_is_below_five_percent() {
-    let mut ledger = ledger(1.0, ms(300));
+    let mut ledger = ledger(1.0, 200);
     contend(&mut ledger, 1.0);
     assert!(ledger.margin() < ms(50), "{:?}", ledger.margin());
 }
 
 #[test]
 fn half_a_core_doubles_the_finish_phase() {
-    let mut ledger = ledger(8.0, ms(160));
+    let mut ledger = ledger(8.0, 100);
     contend(&mut ledger, 0.5);
     let finish = ledger.finish_time();
-    assert!(finish > ms(195) && finish < ms(205), "{finish:?}");
+    assert!(finish > ms(235) && finish < ms(245), "{finish:?}");
+}
+
+#[test]
+fn threads_that_go_first_get_the_share_that_they_got_in_the_rehearsal() {
+    let mut ledger = ledger(8.0, 100);
+    contend(&mut ledger, 0.5);
+    ledger.rehearsed(rehearsal(100, 0.8));
+    assert_eq!(ledger.finish_time(), ms(150));
 }
 
 #[test]
 fn more_threads_than_cores_are_no_sign_of_other_programs() {
-    let mut ledger = ledger(8.0, ms(160));
+    let mut ledger = ledger(8.0, 100);
     for _ in 0..80 {
         ledger.cpu_time(BEAT, BEAT * 2, BEAT * 3);
     }
-    assert_eq!(ledger.finish_time(), ms(100));
+    assert_eq!(ledger.finish_time(), ms(120));
 }
 
 #[test]
-fn a_short_deadline_keeps_some_time_for_tracing_whatever_was_rehearsed() {
-    let ledger = ledger(0.1, ms(5_000));
-    assert!(ledger.cut_off() >= at(29), "{}", ledger.cut_off());
+fn one_rehearsal_that_went_wrong_among_others_does_not_count() {
+    let mut ledger = ledger(8.0, 100);
+    for milliseconds in [900, 100, 100] {
+        ledger.rehearsed(rehearsal(milliseconds, 1.0));
+    }
+    assert_eq!(ledger.finish_time(), ms(120));
 }
 
 #[test]
-fn a_rehearsal_on_a_smaller_picture_is_scaled_to_the_real_one() {
-    let mut ledger = ledger(8.0, ms(160));
-    ledger.rehearsed(FinishWork {
+fn a_rehearsal_on_a_smaller_picture_is_scaled_to_the_real_one_with_a_surcharge() {
+    let deadline = FrameTime::after_start(ms(8_000));
+    let mut ledger = Ledger::new(deadline, PIXELS, CORES);
+    let small = FinishWork {
         pixels: PIXELS / 4,
-        assemble: ms(80),
-        assemble_bare: ms(80),
-        encode: Duration::ZERO,
+        ..work(50)
+    };
+    ledger.rehearsed(Rehearsed {
+        work: small,
+        share: 1.0,
     });
-    assert_eq!(ledger.finish_time(), ms(200));
-    ledger.resize(PIXELS / 2, ms(7));
-    assert_eq!(ledger.finish_time(), ms(107));
+    // Two doublings: a tenth more for each.
+    ledger.resize(PIXELS, ms(7));
+    assert_eq!(ledger.finish_time(), ms(287));
 }
 
 #[test]
 fn filling_in_is_given_up_when_it_would_end_after_the_deadline() {
-    let ledger = ledger(1.0, ms(160));
-    assert!(ledger.affords(at(900)));
-    assert!(!ledger.affords(at(901)));
+    let ledger = ledger(1.0, 100);
+    assert!(ledger.affords(at(880)));
+    assert!(!ledger.affords(at(881)));
 }
 
 proptest! {
@@ -112,12 +138,12 @@ proptest! {
     fn less_of_the_cores_more_work_or_later_timers_never_move_the_cut_off_later(
         deadline_s in 0.1f64..100.0, work in 1u64..1_000, share in 0.05f64..1.0, late in 0u64..20,
     ) {
-        let mut calm = ledger(deadline_s, ms(work));
+        let mut calm = ledger(deadline_s, work);
         contend(&mut calm, 1.0);
-        let mut busy = ledger(deadline_s, ms(work));
+        let mut busy = ledger(deadline_s, work);
         contend(&mut busy, share);
         busy.lateness(ms(late));
-        let mut larger = ledger(deadline_s, ms(work + 1));
+        let mut larger = ledger(deadline_s, work + 1);
         contend(&mut larger, 1.0);
         prop_assert!(busy.cut_off() <= calm.cut_off());
         prop_assert!(larger.cut_off() <= calm.cut_off());

@@ -306,6 +306,20 @@ fn a_prefix_counts_with_a_deadline_and_is_done_again_without_one() {
 }
 
 #[test]
+fn an_interrupted_full_workload_takes_what_workers_have() {
+    let prefix = Event::Completed {
+        worker: A,
+        task: task(0),
+        extent: Extent::Prefix,
+    };
+    let mut scheduler = scheduler(Promise::FullWorkload);
+    feed(&mut scheduler, &[ready(A, 1), request(A, 1)]);
+    let actions = feed_from(&mut scheduler, 10, &[Event::CutOff { at: at(40) }, prefix]);
+    assert!(actions.contains(&add(A, 0)), "{actions:?}");
+    assert_eq!(scheduler.tallies()[&Component::Full].partial, 1);
+}
+
+#[test]
 fn the_frame_closes_when_the_last_result_is_in() {
     let mut scheduler = scheduler(Promise::Deadline);
     feed(&mut scheduler, &[ready(A, 8), request(A, 8)]);
