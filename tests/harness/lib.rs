@@ -14,6 +14,7 @@ pub mod peer;
 pub mod programs;
 pub mod worker;
 
+pub mod metrics;
 pub mod oiio;
 pub mod pixels;
 

@@ -23,8 +23,8 @@ pub fn program(name: &str) -> PathBuf {
     let program = folder.join(name);
     assert!(
         program.is_file(),
-        "{} is not built. The end-to-end tests start both programs: run `cargo test --workspace`, \
-         or `cargo build -p master -p worker` before testing this package alone",
+        "{} is not built. The end-to-end tests start the programs: run `cargo test --workspace`, or \
+         `cargo build -p master -p worker -p eval` before testing this package alone",
         program.display()
     );
     program
