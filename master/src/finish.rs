@@ -4,6 +4,7 @@ use std::{
     error::Error,
     fs::File,
     io::{self, BufWriter, Write},
+    mem,
     sync::Arc,
     time::Duration,
 };
@@ -38,9 +39,9 @@ pub struct Material {
 }
 
 impl Material {
-    /// Assembles the picture.
-    pub fn reconstruct(self) -> Picture {
-        assemble(self.buffers, &self.aovs, self.method, self.min_set_percent)
+    /// Assembles the picture; the buffers are used up by it.
+    pub fn reconstruct(&mut self) -> Picture {
+        assemble(&mut self.buffers, &self.aovs, self.method, self.min_set_percent)
     }
 }
 
@@ -117,7 +118,7 @@ pub struct Finished {
 ///
 /// `metadata` is asked for when the coverage is known.
 pub fn finish(
-    material: Material,
+    mut material: Material,
     mut staged: StagedPicture,
     exposure_stops: f32,
     clock: Clock,
@@ -127,9 +128,12 @@ pub fn finish(
     let metadata = metadata(&picture.coverage, reconstruct);
     let (encoded, encode) = clock.time(|| encode(&picture, &mut staged, &metadata, exposure_stops));
     encoded?;
+    let coverage = picture.coverage;
+    // The process is about to end: giving back memory piece by piece would be paid out of the deadline.
+    mem::forget((material, picture));
     Ok(Finished {
         staged,
-        coverage: picture.coverage,
+        coverage,
         reconstruct,
         encode,
     })

@@ -77,9 +77,9 @@ impl Rehearsal {
 
     /// Plays the finish phase through on these threads.
     pub fn play(&self, threads: &ThreadPool) -> Result<Rehearsed, Failure> {
-        let material = self.material();
+        let mut material = self.material();
         let before = used(threads);
-        let work = threads.install(|| self.finish(material))?;
+        let work = threads.install(|| self.finish(&mut material))?;
         let after = used(threads);
         let share = after.since(before).share();
         // What others took of the cores meanwhile is not our work.
@@ -93,7 +93,7 @@ impl Rehearsal {
         })
     }
 
-    fn finish(&self, material: Material) -> Result<FinishWork, Failure> {
+    fn finish(&self, material: &mut Material) -> Result<FinishWork, Failure> {
         let (picture, assemble) = self.clock.time(|| material.reconstruct());
         // The program may end while this goes on: no name, no debris.
         let nameless = || self.files.nameless().or_exit(Exit::Output);

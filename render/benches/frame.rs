@@ -27,7 +27,7 @@ fn frame(criterion: &mut Criterion) {
     };
     let settings = Settings::paper(Algorithm::Component, size);
     let scene = rooms::room_with_lamp();
-    let aovs = trace_aovs(&scene, size);
+    let aovs = Arc::new(trace_aovs(&scene, size));
     let groups = Arc::new(PixelGroups::new(&settings));
     let renderer = FrameRenderer::new(scene.clone(), settings, trace_sets(&scene, &settings))
         .unwrap_or_else(|error| panic!("{error}"));
@@ -46,7 +46,7 @@ fn frame(criterion: &mut Criterion) {
         }
         buffers
     };
-    let picture = assemble(buffers(), &aovs, Reconstruction::Nearest, 25.0);
+    let picture = assemble(&mut buffers(), &aovs, Reconstruction::Nearest, 25.0);
 
     let mut group = criterion.benchmark_group("frame");
     group.sample_size(10);
@@ -65,7 +65,7 @@ fn frame(criterion: &mut Criterion) {
     group.bench_function("assemble", |b| {
         b.iter_batched(
             buffers,
-            |buffers| assemble(buffers, &aovs, Reconstruction::Nearest, 25.0),
+            |mut buffers| assemble(&mut buffers, &aovs, Reconstruction::Nearest, 25.0),
             BatchSize::PerIteration,
         );
     });

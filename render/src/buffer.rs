@@ -1,10 +1,11 @@
 //! The master's buffers: what has arrived, added up so that the order of arrival leaves no trace.
 //!
 //! One buffer for direct light and one for each VPL set (section 3.2.2), or a single one for the
-//! straightforward algorithm (section 3.1.1). All keep their numbers in the order of the pixel groups,
-//! so that a result is added in one sweep.
+//! straightforward algorithm (section 3.1.1). All are `[height][width]`: a result, whose pixels lie all
+//! over the image, is scattered when it comes, beside the tracing, so that after the cut-off everything
+//! is read in its order.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{collections::BTreeMap, mem, sync::Arc};
 
 use glam::{DVec3, Vec3};
 
@@ -19,23 +20,41 @@ use crate::{
 pub struct FrameBuffers {
     settings: Settings,
     groups: Arc<PixelGroups>,
-    direct: Vec<DirectGroup>,
-    /// `[set][group]`.
-    indirect: Vec<Vec<Option<Box<[Vec3]>>>>,
-    /// `[group]`, direct and indirect light of each pixel.
-    full: Vec<Option<Box<[[Vec3; 2]]>>>,
+    direct: DirectBuffer,
+    /// One for each VPL set of which anything has come.
+    sets: Vec<Option<Buffer<3>>>,
+    /// Direct and indirect light of each pixel.
+    full: Option<Buffer<6>>,
 }
 
-/// Direct light of one group: a running sum over its passes.
-#[derive(Debug, Default, Clone)]
-struct DirectGroup {
-    /// Sums over the passes below `next`.
-    sums: Vec<DVec3>,
+/// Radiance per unit albedo of the beginnings of groups, `N` numbers for each pixel.
+#[derive(Debug)]
+pub(crate) struct Buffer<const N: usize> {
+    /// `[height][width][N]`. Memory is taken where light arrives.
+    pub(crate) light: Vec<[f32; N]>,
+    /// Pixels of each group that have come, if any task of it has.
+    done: Vec<Option<usize>>,
+}
+
+/// Direct light: running sums over the passes.
+#[derive(Debug)]
+pub(crate) struct DirectBuffer {
+    /// Sums of radiance per unit albedo, `[height][width][3]`.
+    pub(crate) sums: Vec<[f64; 3]>,
     /// Passes in each sum.
-    counts: Vec<u32>,
+    pub(crate) counts: Vec<u32>,
+    queues: Vec<PassQueue>,
+}
+
+/// Which passes of a group are in its sums.
+#[derive(Debug, Default, Clone)]
+struct PassQueue {
+    /// All below are, unless they never came.
     next: u32,
     /// Passes that came before one of their predecessors.
-    waiting: BTreeMap<u32, Box<[Vec3]>>,
+    waiting: BTreeMap<u32, Box<[[f32; 3]]>>,
+    /// Pixels of the longest result.
+    done: usize,
 }
 
 /// Why a result was not added. The frame goes on without it.
@@ -71,12 +90,11 @@ pub enum BufferError {
 impl FrameBuffers {
     /// Empty buffers. Memory is taken when light arrives.
     pub fn new(settings: &Settings, groups: Arc<PixelGroups>) -> Self {
-        let count = settings.groups as usize;
         Self {
             settings: *settings,
-            direct: vec![DirectGroup::default(); count],
-            indirect: vec![vec![None; count]; settings.vpl_sets as usize],
-            full: vec![None; count],
+            direct: DirectBuffer::new(&groups),
+            sets: (0..settings.vpl_sets).map(|_| None).collect(),
+            full: None,
             groups,
         }
     }
@@ -107,34 +125,38 @@ impl FrameBuffers {
         if self.has(task) {
             return Err(BufferError::Twice(task));
         }
-        let group = task.group as usize;
+        let groups = &self.groups;
+        let pixels = groups.pixels(task.group);
         match task.component {
-            Component::Direct => self.direct[group].add(task.index, vectors(radiance).collect()),
-            Component::Indirect => {
-                self.indirect[task.index as usize][group] = Some(vectors(radiance).collect());
+            Component::Direct => {
+                let (light, _) = radiance.as_chunks();
+                self.direct.add(task.group, pixels, task.index, light);
             }
-            Component::Full => {
-                let pairs = radiance.as_chunks::<6>().0.iter();
-                let split = |&[a, b, c, d, e, f]: &[f32; 6]| [Vec3::new(a, b, c), Vec3::new(d, e, f)];
-                self.full[group] = Some(pairs.map(split).collect());
-            }
+            Component::Indirect => self.sets[task.index as usize]
+                .get_or_insert_with(|| Buffer::new(groups))
+                .add(task.group, pixels, radiance),
+            Component::Full => self
+                .full
+                .get_or_insert_with(|| Buffer::new(groups))
+                .add(task.group, pixels, radiance),
         }
         Ok(())
     }
 
     fn has(&self, task: Task) -> bool {
-        let group = task.group as usize;
         match task.component {
-            Component::Direct => self.direct[group].has(task.index),
-            Component::Indirect => self.indirect[task.index as usize][group].is_some(),
-            Component::Full => self.full[group].is_some(),
+            Component::Direct => self.direct.queues[task.group as usize].has(task.index),
+            Component::Indirect => self.sets[task.index as usize]
+                .as_ref()
+                .is_some_and(|set| set.has(task.group)),
+            Component::Full => self.full.as_ref().is_some_and(|full| full.has(task.group)),
         }
     }
 
     /// Adds up what still waited for a pass that never came. To be called once, before reading.
     pub(crate) fn settle(&mut self) {
-        for group in &mut self.direct {
-            group.add_waiting_while(|_, _| true);
+        for group in 0..self.settings.groups {
+            self.direct.settle(group, self.groups.pixels(group));
         }
     }
 
@@ -146,59 +168,114 @@ impl FrameBuffers {
         &self.groups
     }
 
-    /// The direct light of a group: means and numbers of samples, of a beginning of its pixels.
-    pub(crate) fn direct_group(&self, group: u32) -> (impl ExactSizeIterator<Item = Vec3>, &[u32]) {
-        let DirectGroup { sums, counts, .. } = &self.direct[group as usize];
-        let means = sums.iter().zip(counts);
-        (
-            means.map(|(sum, &count)| (sum / f64::from(count)).as_vec3()),
-            counts,
-        )
+    pub(crate) fn direct(&self) -> &DirectBuffer {
+        &self.direct
     }
 
-    /// The data of a VPL set for a group: a beginning of its pixels.
-    pub(crate) fn set_group(&self, set: u32, group: u32) -> &[Vec3] {
-        self.indirect[set as usize][group as usize]
-            .as_deref()
-            .unwrap_or_default()
+    /// What has come of a VPL set.
+    pub(crate) fn set(&self, set: u32) -> Option<&Buffer<3>> {
+        self.sets[set as usize].as_ref()
     }
 
-    /// Direct and indirect light of a group in the single buffer of the straightforward algorithm.
-    pub(crate) fn full_group(&self, group: u32) -> &[[Vec3; 2]] {
-        self.full[group as usize].as_deref().unwrap_or_default()
+    /// The same, to be changed or taken away.
+    pub(crate) fn set_mut(&mut self, set: u32) -> &mut Option<Buffer<3>> {
+        &mut self.sets[set as usize]
+    }
+
+    /// The single buffer of the straightforward algorithm.
+    pub(crate) fn full(&self) -> Option<&Buffer<6>> {
+        self.full.as_ref()
     }
 }
 
-impl DirectGroup {
-    fn has(&self, pass: u32) -> bool {
-        pass < self.next || self.waiting.contains_key(&pass)
+impl<const N: usize> Buffer<N> {
+    fn new(groups: &PixelGroups) -> Self {
+        Self {
+            light: vec![[0.0; N]; groups.order().len()],
+            done: vec![None; groups.len()],
+        }
+    }
+
+    fn has(&self, group: u32) -> bool {
+        self.done[group as usize].is_some()
+    }
+
+    fn add(&mut self, group: u32, pixels: &[u32], radiance: &[f32]) {
+        let (light, _) = radiance.as_chunks();
+        for (&pixel, &light) in pixels.iter().zip(light) {
+            self.light[pixel as usize] = light;
+        }
+        self.done[group as usize] = Some(light.len());
+    }
+
+    /// For each group how many of its first pixels have light.
+    pub(crate) fn beginnings(&self) -> impl Iterator<Item = usize> {
+        self.done.iter().map(|done| done.unwrap_or(0))
+    }
+
+    /// Pixels that have light.
+    pub(crate) fn pixels(&self) -> usize {
+        self.beginnings().sum()
+    }
+}
+
+impl DirectBuffer {
+    fn new(groups: &PixelGroups) -> Self {
+        let pixels = groups.order().len();
+        Self {
+            sums: vec![[0.0; 3]; pixels],
+            counts: vec![0; pixels],
+            queues: vec![PassQueue::default(); groups.len()],
+        }
     }
 
     /// Sums are taken in the order of the passes, so that any order of arrival gives the same bits.
-    fn add(&mut self, pass: u32, radiance: Box<[Vec3]>) {
-        self.waiting.insert(pass, radiance);
-        self.add_waiting_while(|pass, next| pass == next);
-    }
-
-    fn add_waiting_while(&mut self, may_add: impl Fn(u32, u32) -> bool) {
-        while let Some(entry) = self.waiting.first_entry()
-            && may_add(*entry.key(), self.next)
-        {
-            let (pass, radiance) = entry.remove_entry();
-            self.next = pass + 1;
-            self.add_now(&radiance);
+    fn add(&mut self, group: u32, pixels: &[u32], pass: u32, light: &[[f32; 3]]) {
+        let queue = &mut self.queues[group as usize];
+        queue.done = queue.done.max(light.len());
+        if queue.next != pass {
+            queue.waiting.insert(pass, light.into());
+            return;
+        }
+        queue.next += 1;
+        add_pass(&mut self.sums, &mut self.counts, pixels, light);
+        while let Some(light) = queue.waiting.remove(&queue.next) {
+            queue.next += 1;
+            add_pass(&mut self.sums, &mut self.counts, pixels, &light);
         }
     }
 
-    fn add_now(&mut self, radiance: &[Vec3]) {
-        if self.sums.len() < radiance.len() {
-            self.sums.resize(radiance.len(), DVec3::ZERO);
-            self.counts.resize(radiance.len(), 0);
+    fn settle(&mut self, group: u32, pixels: &[u32]) {
+        let queue = &mut self.queues[group as usize];
+        for (pass, light) in mem::take(&mut queue.waiting) {
+            queue.next = pass + 1;
+            add_pass(&mut self.sums, &mut self.counts, pixels, &light);
         }
-        for ((sum, count), light) in self.sums.iter_mut().zip(&mut self.counts).zip(radiance) {
-            *sum += light.as_dvec3();
-            *count += 1;
+    }
+
+    /// For each group how many of its first pixels have light.
+    pub(crate) fn beginnings(&self) -> impl Iterator<Item = usize> {
+        self.queues.iter().map(|queue| queue.done)
+    }
+
+    /// The mean over the passes at a pixel.
+    pub(crate) fn mean(&self, pixel: usize) -> Vec3 {
+        (DVec3::from_array(self.sums[pixel]) / f64::from(self.counts[pixel])).as_vec3()
+    }
+}
+
+impl PassQueue {
+    fn has(&self, pass: u32) -> bool {
+        pass < self.next || self.waiting.contains_key(&pass)
+    }
+}
+
+fn add_pass(sums: &mut [[f64; 3]], counts: &mut [u32], pixels: &[u32], light: &[[f32; 3]]) {
+    for (&pixel, light) in pixels.iter().zip(light) {
+        for (sum, light) in sums[pixel as usize].iter_mut().zip(light) {
+            *sum += f64::from(*light);
         }
+        counts[pixel as usize] += 1;
     }
 }
 
@@ -209,10 +286,6 @@ fn first_that_is_not_light(radiance: &[f32]) -> Option<usize> {
     let spoilt = |values: &[f32]| !values.iter().fold(true, |all, &value| all & is_light(value));
     let first = radiance.chunks(block).position(spoilt)? * block;
     Some(first + radiance[first..].iter().position(|&value| !is_light(value))?)
-}
-
-fn vectors(floats: &[f32]) -> impl Iterator<Item = Vec3> {
-    floats.as_chunks::<3>().0.iter().map(|&rgb| Vec3::from_array(rgb))
 }
 
 #[cfg(test)]
@@ -236,8 +309,8 @@ mod tests {
     }
 
     fn first_pixel(buffers: &FrameBuffers) -> (Vec3, u32) {
-        let (mut means, counts) = buffers.direct_group(1);
-        (means.next().unwrap(), counts[0])
+        let first = buffers.groups.pixels(1)[0] as usize;
+        (buffers.direct.mean(first), buffers.direct.counts[first])
     }
 
     fn direct(index: u32) -> Task {

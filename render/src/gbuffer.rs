@@ -1,5 +1,6 @@
 //! The G-buffer: what each pixel sees first, as structure of arrays for packets of rays.
 
+use bytemuck::zeroed_vec;
 use embree4_sys as embree;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -107,10 +108,11 @@ pub fn trace_aovs(scene: &TracedScene, size: ImageSize) -> Aovs {
     let count = size.pixel_count();
     let mut aovs = Aovs {
         size,
-        albedo: vec![Vec3::ZERO; count],
-        normal: vec![Vec3::ZERO; count],
-        depth: vec![f32::INFINITY; count],
-        emission: vec![Vec3::ZERO; count],
+        // Pages of memory are taken by the threads that fill them.
+        albedo: zeroed_vec(count),
+        normal: zeroed_vec(count),
+        depth: vec![0.0; count],
+        emission: zeroed_vec(count),
     };
     let width = size.width as usize;
     let rows = (aovs.albedo.par_chunks_mut(width))
@@ -123,12 +125,15 @@ pub fn trace_aovs(scene: &TracedScene, size: ImageSize) -> Aovs {
             let pixels: Vec<u32> = (first..first + width).map(|pixel| pixel as u32).collect();
             let mut column = 0;
             trace_pixels(scene, size, &pixels, |hit| {
-                if let Some((point, distance)) = hit {
-                    albedo[column] = point.albedo;
-                    normal[column] = point.shading_normal;
-                    depth[column] = distance;
-                    emission[column] = point.emission;
-                }
+                depth[column] = match hit {
+                    Some((point, distance)) => {
+                        albedo[column] = point.albedo;
+                        normal[column] = point.shading_normal;
+                        emission[column] = point.emission;
+                        distance
+                    }
+                    None => f32::INFINITY,
+                };
                 column += 1;
             });
         });

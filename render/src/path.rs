@@ -3,10 +3,12 @@
 //! It shares the scene, its surface points and the choice of light points with the tasks, and nothing
 //! else. The emission of the first surface is left to the G-buffer, as it is for the tasks.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{
+    Arc,
+    atomic::{AtomicU32, Ordering},
+};
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 use crate::{
     camera::Camera,
@@ -14,7 +16,6 @@ use crate::{
     image::Picture,
     intersect::{SurfacePoint, TracedScene},
     light::{LightSampler, luminance},
-    reconstruct::{Coverage, Layer},
     sample::{
         Stream,
         sobol::{fold_seed, hash},
@@ -45,7 +46,7 @@ struct PathRadiance {
 /// `progress` is told the finished share of the rows, from any thread.
 pub fn path_trace(
     scene: &TracedScene,
-    aovs: &Aovs,
+    aovs: &Arc<Aovs>,
     spp: u32,
     seed: u64,
     progress: &(dyn Fn(f32) + Sync),
@@ -59,24 +60,18 @@ pub fn path_trace(
         seed: fold_seed(seed, SEED_PURPOSE),
     };
     let rows_done = AtomicU32::new(0);
-    let mut pixels = vec![PathRadiance::default(); size.pixel_count()];
-    pixels
-        .par_chunks_mut(size.width as usize)
-        .enumerate()
-        .for_each(|(y, row)| {
-            let _flush = embree4_sys::FlushDenormals::in_this_thread();
-            for (x, pixel) in row.iter_mut().enumerate() {
-                *pixel = tracer.pixel(x as u32, y as u32);
-            }
-            let done = 1 + rows_done.fetch_add(1, Ordering::Relaxed);
-            progress(done as f32 / size.height as f32);
-        });
-    let layer = |component: fn(&PathRadiance) -> Vec3| Layer {
-        radiance: pixels.par_iter().map(component).collect(),
-        samples: vec![spp; pixels.len()],
-    };
-    let (direct, indirect) = (layer(|pixel| pixel.direct), layer(|pixel| pixel.indirect));
-    Picture::from_components(aovs, direct, indirect, Coverage::default())
+    Picture::from_rows(aovs, 1, |row| {
+        let _flush = embree4_sys::FlushDenormals::in_this_thread();
+        let y = row.first as u32 / size.width;
+        for (x, (direct, indirect)) in (0..).zip(row.direct.iter_mut().zip(row.indirect)) {
+            let light = tracer.pixel(x, y);
+            (*direct, *indirect) = (light.direct, light.indirect);
+        }
+        row.samples_direct.fill(spp);
+        row.samples_indirect.fill(spp);
+        let done = 1 + rows_done.fetch_add(1, Ordering::Relaxed);
+        progress(done as f32 / size.height as f32);
+    })
 }
 
 struct PathTracer<'a> {

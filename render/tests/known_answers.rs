@@ -39,7 +39,7 @@ fn furnace() -> Arc<TracedScene> {
 }
 
 fn gold(scene: &TracedScene, spp: u32) -> Picture {
-    path_trace(scene, &trace_aovs(scene, SIZE), spp, 0, &|_| ())
+    path_trace(scene, &Arc::new(trace_aovs(scene, SIZE)), spp, 0, &|_| ())
 }
 
 fn assert_near(what: &str, value: f32, expected: f32, relative: f32) {

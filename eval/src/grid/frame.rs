@@ -36,7 +36,7 @@ const BATCH: usize = 64;
 #[derive(Debug)]
 pub struct PreparedScene {
     scene: Arc<TracedScene>,
-    aovs: Aovs,
+    aovs: Arc<Aovs>,
     vpl_sets: Vec<VplSet>,
     parameters: Parameters,
 }
@@ -56,7 +56,7 @@ impl PreparedScene {
         let settings = parameters.settings(Algorithm::Component, scene.scene().extent());
         settings.validate()?;
         Ok(Self {
-            aovs: trace_aovs(&scene, settings.size),
+            aovs: Arc::new(trace_aovs(&scene, settings.size)),
             // The same for both algorithms.
             vpl_sets: trace_sets(&scene, &settings),
             scene: Arc::new(scene),
@@ -149,7 +149,7 @@ impl VirtualFrame<'_> {
         }
         let percent = self.scene.parameters.picture.min_set_percent;
         Ok(assemble(
-            buffers,
+            &mut buffers,
             &self.scene.aovs,
             Reconstruction::Nearest,
             percent,

@@ -1,25 +1,52 @@
-//! Buffers in the order of the pixel groups, and where the pixels that they lack are copied from.
-
-use std::collections::BTreeMap;
+//! Buffers that can be asked for any pixel: those that they lack are copied from near ones.
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::{Reconstruction, nearest_known};
-use crate::{buffer::FrameBuffers, gbuffer::Aovs, pixel_group::PixelGroups};
+use crate::{
+    buffer::{Buffer, DirectBuffer},
+    gbuffer::Aovs,
+    pixel_group::PixelGroups,
+};
+
+/// Light of one component of a pixel, and what it rests on.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sum {
+    /// Radiance, times its weight.
+    light: DVec3,
+    /// Number of samples that the light stands for, copied ones included.
+    weight: u32,
+    /// Samples of the pixel's own.
+    pub(super) samples: u32,
+}
+
+impl Sum {
+    /// Mean radiance; black where nothing is known.
+    pub(super) fn mean(&self) -> Vec3 {
+        if self.weight > 0 {
+            (self.light / f64::from(self.weight)).as_vec3()
+        } else {
+            Vec3::ZERO
+        }
+    }
+}
 
 /// A buffer, or several that hold the same pixels, that can be asked for any pixel.
 #[derive(Debug)]
 pub(super) struct CompleteBuffer<'a> {
-    /// Mean radiance per unit albedo, in the order of the groups; anything where there is no data.
-    light: Vec<Vec3>,
-    /// Samples behind the light of each pixel, in the order of the groups.
-    samples: Vec<u32>,
-    /// Buffers in this one.
-    weight: u32,
-    /// Place of each pixel in the order of the groups.
-    places: &'a [u32],
+    content: Content<'a>,
     missing: Missing,
+}
+
+/// Where the light is.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Content<'a> {
+    /// The running sums of the direct component.
+    Direct(&'a DirectBuffer),
+    /// The mean of so many VPL sets.
+    Sets(&'a [[f32; 3]], u32),
+    /// The part of the straightforward algorithm's pairs that begins at this number.
+    Full(&'a [[f32; 6]], usize),
 }
 
 /// What to do for pixels without data.
@@ -29,172 +56,101 @@ enum Missing {
     Nothing,
     /// Copy from the pixel with this row-major index; pixels with data name themselves.
     CopiedFrom(Vec<u32>),
-    /// Leave them out.
-    LeftOut,
+    /// Leave out those that are not known, `[height][width]`.
+    LeftOut(Vec<bool>),
 }
 
 impl CompleteBuffer<'_> {
-    /// Radiance of a pixel, its own or copied; `None` where there is neither.
-    pub(super) fn light(&self, pixel: usize, aovs: &Aovs) -> Option<Vec3> {
-        let source = match &self.missing {
-            Missing::CopiedFrom(sources) => sources[pixel] as usize,
-            Missing::LeftOut if self.samples(pixel) == 0 => return None,
-            Missing::Nothing | Missing::LeftOut => pixel,
-        };
-        Some(aovs.albedo[source] * self.light[self.places[source] as usize])
+    /// Adds the light of a run of pixels, its own or copied, that begins at a row-major index.
+    pub(super) fn add_to(&self, sums: &mut [Sum], first: usize, aovs: &Aovs) {
+        match self.content {
+            Content::Direct(buffer) => self.add(sums, first, aovs, 1, |pixel| {
+                (buffer.mean(pixel), buffer.counts[pixel])
+            }),
+            Content::Sets(light, sets) => self.add(sums, first, aovs, sets, |pixel| {
+                (Vec3::from_array(light[pixel]), sets)
+            }),
+            Content::Full(pairs, part) => self.add(sums, first, aovs, 1, |pixel| {
+                (Vec3::from_slice(&pairs[pixel][part..]), 1)
+            }),
+        }
     }
 
-    /// Samples of the pixel's own.
-    pub(super) fn samples(&self, pixel: usize) -> u32 {
-        self.samples[self.places[pixel] as usize]
-    }
-
-    pub(super) fn weight(&self) -> u32 {
-        self.weight
+    fn add(
+        &self,
+        sums: &mut [Sum],
+        first: usize,
+        aovs: &Aovs,
+        weight: u32,
+        light_at: impl Fn(usize) -> (Vec3, u32),
+    ) {
+        for (offset, sum) in sums.iter_mut().enumerate() {
+            let pixel = first + offset;
+            let source = match &self.missing {
+                Missing::Nothing => pixel,
+                Missing::CopiedFrom(sources) => sources[pixel] as usize,
+                Missing::LeftOut(known) if known[pixel] => pixel,
+                Missing::LeftOut(_) => continue,
+            };
+            let (light, samples) = light_at(source);
+            sum.light += f64::from(weight) * (aovs.albedo[source] * light).as_dvec3();
+            sum.weight += weight;
+            if source == pixel {
+                sum.samples += samples;
+            }
+        }
     }
 }
 
 /// Makes the buffers of a frame complete.
 #[derive(Debug)]
 pub(super) struct Completion<'a> {
-    buffers: &'a FrameBuffers,
-    groups: &'a PixelGroups,
-    aovs: &'a Aovs,
-    method: Reconstruction,
-    places: Vec<u32>,
+    pub(super) groups: &'a PixelGroups,
+    pub(super) aovs: &'a Aovs,
+    pub(super) method: Reconstruction,
 }
 
-impl<'a> Completion<'a> {
-    pub(super) fn new(buffers: &'a FrameBuffers, aovs: &'a Aovs, method: Reconstruction) -> Self {
-        let groups = buffers.groups();
-        let mut places = vec![0; groups.order().len()];
-        for (place, &pixel) in groups.order().iter().enumerate() {
-            places[pixel as usize] = place as u32;
-        }
-        Self {
-            buffers,
-            groups,
-            aovs,
-            method,
-            places,
-        }
-    }
-
-    pub(super) fn direct(&self) -> CompleteBuffer<'_> {
-        let (light, samples) = self.by_group(|group, light, samples| {
-            let (means, counts) = self.buffers.direct_group(group);
-            light
-                .iter_mut()
-                .zip(means)
-                .for_each(|(light, mean)| *light = mean);
-            samples[..counts.len()].copy_from_slice(counts);
-        });
-        let missing = self.missing(&samples);
+impl Completion<'_> {
+    pub(super) fn direct<'b>(&self, buffer: &'b DirectBuffer) -> CompleteBuffer<'b> {
         CompleteBuffer {
-            light,
-            samples,
-            weight: 1,
-            places: &self.places,
-            missing,
+            content: Content::Direct(buffer),
+            missing: self.missing(buffer.beginnings()),
         }
     }
 
     /// Direct and indirect light of the straightforward algorithm.
-    pub(super) fn full(&self) -> [CompleteBuffer<'_>; 2] {
-        let parts = [0, 1].map(|part| {
-            self.by_group(|group, light, samples| {
-                let pairs = self.buffers.full_group(group);
-                light
-                    .iter_mut()
-                    .zip(pairs)
-                    .for_each(|(light, pair)| *light = pair[part]);
-                samples[..pairs.len()].fill(1);
-            })
-        });
-        let missing = self.missing(&parts[0].1);
-        parts.map(|(light, samples)| CompleteBuffer {
-            light,
-            samples,
-            weight: 1,
-            places: &self.places,
+    pub(super) fn full<'b>(&self, buffer: &'b Buffer<6>) -> [CompleteBuffer<'b>; 2] {
+        let missing = self.missing(buffer.beginnings());
+        [0, 3].map(|part| CompleteBuffer {
+            content: Content::Full(&buffer.light, part),
             missing: missing.clone(),
         })
     }
 
-    /// The given VPL sets, those that hold the same pixels added up, in the order of their numbers.
-    pub(super) fn sets(&self, sets: &[u32]) -> Vec<CompleteBuffer<'_>> {
-        let mut alike: BTreeMap<Vec<usize>, Vec<u32>> = BTreeMap::new();
-        for &set in sets {
-            let groups = 0..self.groups.len() as u32;
-            let prefixes = groups
-                .map(|group| self.buffers.set_group(set, group).len())
-                .collect();
-            alike.entry(prefixes).or_default().push(set);
-        }
-        alike.par_iter().map(|(_, sets)| self.sets_alike(sets)).collect()
-    }
-
-    fn sets_alike(&self, sets: &[u32]) -> CompleteBuffer<'_> {
-        let weight = sets.len() as u32;
-        let (light, samples) = self.by_group(|group, light, samples| {
-            let mut sums = vec![DVec3::ZERO; light.len()];
-            for &set in sets {
-                let data = self.buffers.set_group(set, group);
-                sums.iter_mut()
-                    .zip(data)
-                    .for_each(|(sum, light)| *sum += light.as_dvec3());
-                samples[..data.len()].fill(weight);
-            }
-            let means = sums.into_iter().map(|sum| (sum / f64::from(weight)).as_vec3());
-            light
-                .iter_mut()
-                .zip(means)
-                .for_each(|(light, mean)| *light = mean);
-        });
-        let missing = self.missing(&samples);
+    /// The mean of so many VPL sets that hold the same pixels.
+    pub(super) fn sets<'b>(&self, mean: &'b Buffer<3>, sets: u32) -> CompleteBuffer<'b> {
         CompleteBuffer {
-            light,
-            samples,
-            weight,
-            places: &self.places,
-            missing,
+            content: Content::Sets(&mean.light, sets),
+            missing: self.missing(mean.beginnings()),
         }
     }
 
-    /// Fills light and samples group by group, side by side.
-    fn by_group(&self, fill: impl Fn(u32, &mut [Vec3], &mut [u32]) + Sync) -> (Vec<Vec3>, Vec<u32>) {
-        let count = self.places.len();
-        let (mut light, mut samples) = (vec![Vec3::ZERO; count], vec![0; count]);
-        let (mut light_rest, mut samples_rest) = (light.as_mut_slice(), samples.as_mut_slice());
-        rayon::scope(|scope| {
-            for group in 0..self.groups.len() as u32 {
-                let len = self.groups.range(group).len();
-                let (light, samples);
-                (light, light_rest) = std::mem::take(&mut light_rest).split_at_mut(len);
-                (samples, samples_rest) = std::mem::take(&mut samples_rest).split_at_mut(len);
-                let fill = &fill;
-                scope.spawn(move |_| fill(group, light, samples));
+    fn missing(&self, beginnings: impl Iterator<Item = usize>) -> Missing {
+        let mut known = vec![false; self.groups.order().len()];
+        let mut count = 0;
+        for (group, beginning) in beginnings.enumerate() {
+            for &pixel in &self.groups.pixels(group as u32)[..beginning] {
+                known[pixel as usize] = true;
             }
-        });
-        (light, samples)
-    }
-
-    /// `samples` in the order of the groups.
-    fn missing(&self, samples: &[u32]) -> Missing {
-        if !samples.contains(&0) {
+            count += beginning;
+        }
+        if count == known.len() {
             return Missing::Nothing;
         }
-        let known = || -> Vec<bool> {
-            self.places
-                .iter()
-                .map(|&place| samples[place as usize] > 0)
-                .collect()
-        };
         match self.method {
-            Reconstruction::None => Missing::LeftOut,
-            Reconstruction::Nearest => {
-                nearest_known(&known(), self.aovs.size).map_or(Missing::LeftOut, Missing::CopiedFrom)
-            }
+            Reconstruction::Nearest => nearest_known(&known, self.aovs.size)
+                .map_or_else(|| Missing::LeftOut(known), Missing::CopiedFrom),
+            Reconstruction::None => Missing::LeftOut(known),
         }
     }
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::{
-    buffer::FrameBuffers,
+    buffer::{Buffer, FrameBuffers},
     settings::{Algorithm, Settings},
 };
 
@@ -33,11 +33,7 @@ impl KeptSets {
     /// Leaves out buffers with less than the minimum while others have that much (section 3.2.2).
     pub(super) fn choose(buffers: &FrameBuffers, min_set_percent: f32) -> Self {
         let pixels = buffers.settings().size.pixel_count() as f64;
-        let share = |set: u32| {
-            let groups = 0..buffers.settings().groups;
-            let done: usize = groups.map(|group| buffers.set_group(set, group).len()).sum();
-            done as f64 / pixels
-        };
+        let share = |set: u32| buffers.set(set).map_or(0, Buffer::pixels) as f64 / pixels;
         let open: Vec<(u32, f64)> = (0..buffers.settings().vpl_sets)
             .map(|set| (set, share(set)))
             .filter(|&(_, share)| share > 0.0)

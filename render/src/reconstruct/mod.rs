@@ -3,6 +3,7 @@
 //! Each buffer is made complete by itself, in linear radiance, before buffers and components are added
 //! (section 3.2.2). Total: any subset of the results, none included, gives a picture.
 
+mod alike;
 mod complete;
 mod kept_sets;
 mod nearest;
@@ -10,11 +11,18 @@ mod nearest;
 pub use kept_sets::Coverage;
 pub use nearest::nearest_known;
 
-use glam::{DVec3, Vec3};
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
-use crate::{buffer::FrameBuffers, gbuffer::Aovs, image::Picture, settings::Algorithm};
-use complete::{CompleteBuffer, Completion};
+use crate::{
+    buffer::FrameBuffers,
+    gbuffer::Aovs,
+    image::{Picture, Rows},
+    settings::Algorithm,
+};
+use alike::{Alike, average_alike};
+use complete::{CompleteBuffer, Completion, Sum};
 use kept_sets::KeptSets;
 
 /// How pixels without data are filled in.
@@ -26,62 +34,77 @@ pub enum Reconstruction {
     None,
 }
 
-/// One component of the whole picture, `[height][width]`.
-pub(crate) struct Layer {
-    /// Radiance, W·m⁻²·sr⁻¹.
-    pub(crate) radiance: Vec<Vec3>,
-    /// Samples (passes, sets) with real data at the pixel.
-    pub(crate) samples: Vec<u32>,
-}
+/// Rows that a core works on at a time.
+const BAND_ROWS: usize = 16;
+/// Pixels whose sums are kept at hand.
+const RUN_PIXELS: usize = 256;
 
-/// Makes the picture from all that has arrived.
+/// Makes the picture from all that has arrived. The buffers are used up by it: their memory serves as
+/// scratch space.
 ///
 /// `min_set_percent` is the share of pixels under which the buffer of a VPL set is left out while
 /// others have more (section 3.2.2).
 pub fn assemble(
-    mut buffers: FrameBuffers,
-    aovs: &Aovs,
+    buffers: &mut FrameBuffers,
+    aovs: &Arc<Aovs>,
     method: Reconstruction,
     min_set_percent: f32,
 ) -> Picture {
     buffers.settle();
-    let kept = KeptSets::choose(&buffers, min_set_percent);
-    let completion = Completion::new(&buffers, aovs, method);
-    let (direct, indirect) = match buffers.settings().algorithm {
-        Algorithm::Component => (vec![completion.direct()], completion.sets(&kept.sets)),
-        Algorithm::Straightforward => {
-            let [direct, indirect] = completion.full();
-            (vec![direct], vec![indirect])
-        }
+    let kept = KeptSets::choose(buffers, min_set_percent);
+    let alike = average_alike(buffers, &kept.sets);
+    let buffers = &*buffers;
+    let completion = Completion {
+        groups: buffers.groups(),
+        aovs,
+        method,
     };
-    let (direct, indirect) = rayon::join(|| layer(&direct, aovs), || layer(&indirect, aovs));
-    let coverage = kept.coverage(&direct.samples, &indirect.samples, buffers.settings());
-    Picture::from_components(aovs, direct, indirect, coverage)
+    let (direct, indirect) = match buffers.settings().algorithm {
+        Algorithm::Component => rayon::join(
+            || vec![completion.direct(buffers.direct())],
+            || {
+                let complete = |alike: &Alike| Some(completion.sets(buffers.set(alike.set)?, alike.count));
+                alike.par_iter().filter_map(complete).collect()
+            },
+        ),
+        Algorithm::Straightforward => match buffers.full().map(|full| completion.full(full)) {
+            Some([direct, indirect]) => (vec![direct], vec![indirect]),
+            None => (Vec::new(), Vec::new()),
+        },
+    };
+    let mut picture = Picture::from_rows(aovs, BAND_ROWS, |rows| {
+        fill(rows, &direct, &indirect, aovs);
+    });
+    picture.coverage = kept.coverage(
+        &picture.samples_direct,
+        &picture.samples_indirect,
+        buffers.settings(),
+    );
+    picture
 }
 
 /// The mean of the buffers, each made complete by itself: what is lost changes the noise of a pixel,
 /// never its brightness.
-fn layer(buffers: &[CompleteBuffer], aovs: &Aovs) -> Layer {
-    let pixel = |pixel: usize| {
-        let (mut sum, mut weights, mut samples) = (DVec3::ZERO, 0, 0);
-        for buffer in buffers {
-            if let Some(light) = buffer.light(pixel, aovs) {
-                sum += f64::from(buffer.weight()) * light.as_dvec3();
-                weights += buffer.weight();
+fn fill(rows: Rows<'_>, direct: &[CompleteBuffer<'_>], indirect: &[CompleteBuffer<'_>], aovs: &Aovs) {
+    let mut sums = [Sum::default(); RUN_PIXELS];
+    for (buffers, light, samples) in [
+        (direct, rows.direct, rows.samples_direct),
+        (indirect, rows.indirect, rows.samples_indirect),
+    ] {
+        let runs = light.chunks_mut(RUN_PIXELS).zip(samples.chunks_mut(RUN_PIXELS));
+        for (first, (light, samples)) in (rows.first..).step_by(RUN_PIXELS).zip(runs) {
+            let sums = &mut sums[..light.len()];
+            sums.fill(Sum::default());
+            for buffer in buffers {
+                buffer.add_to(sums, first, aovs);
             }
-            samples += buffer.samples(pixel);
+            for ((pixel, sum), (light, samples)) in (first..).zip(sums).zip(light.iter_mut().zip(samples)) {
+                *samples = sum.samples;
+                // Where the eye meets nothing there is no light to copy from a neighbour.
+                if aovs.depth[pixel].is_finite() {
+                    *light = sum.mean();
+                }
+            }
         }
-        // Where the eye meets nothing there is no light to copy from a neighbour.
-        let has_light = weights > 0 && aovs.depth[pixel].is_finite();
-        (
-            if has_light {
-                (sum / f64::from(weights)).as_vec3()
-            } else {
-                Vec3::ZERO
-            },
-            samples,
-        )
-    };
-    let (radiance, samples) = (0..aovs.size.pixel_count()).into_par_iter().map(pixel).unzip();
-    Layer { radiance, samples }
+    }
 }

@@ -151,8 +151,8 @@ pub(crate) fn picture_of(scene: &Arc<TracedScene>, settings: &Settings, tasks: &
             .unwrap();
     }
     assemble(
-        buffers,
-        &trace_aovs(scene, settings.size),
+        &mut buffers,
+        &Arc::new(trace_aovs(scene, settings.size)),
         Reconstruction::Nearest,
         25.0,
     )
