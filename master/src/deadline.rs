@@ -72,9 +72,9 @@ const LEAVE_UNKNOWN: Duration = Duration::from_millis(40);
 /// Rehearsals that are remembered.
 const REHEARSALS: usize = 5;
 /// What the real thing costs for each pixel, compared with a rehearsal of the same size…
-const SURCHARGE: f64 = 1.2;
+const SURCHARGE: f64 = 1.1;
 /// …and how much more for each doubling of the pixels: less of a large picture lies in the caches.
-const SURCHARGE_PER_DOUBLING: f64 = 0.1;
+const SURCHARGE_PER_DOUBLING: f64 = 0.04;
 /// Part of the predicted time that is kept as margin.
 const MARGIN_SHARE: f64 = 0.1;
 /// Margin for what does not depend on the size of the picture.

@@ -9,6 +9,8 @@ use crate::{clock::Clock, deadline::Rehearsed, frame_time::FrameTime, job::Job, 
 
 /// Rehearsals in a frame, the one at the start not counted.
 const PER_FRAME: u32 = 5;
+/// Time between two of them, at least: each takes from the tracing what it costs.
+const PAUSE_MIN: Duration = Duration::from_millis(600);
 /// None begins with less time to the cut-off than so many times what the last one took.
 const LAST_BEFORE_CUT_OFF: u32 = 3;
 
@@ -48,7 +50,8 @@ impl Rehearsals {
             learnt,
             pause: job
                 .deadline
-                .map_or(Duration::MAX, |deadline| deadline.elapsed() / (PER_FRAME + 1)),
+                .map_or(Duration::MAX, |deadline| deadline.elapsed() / (PER_FRAME + 1))
+                .max(PAUSE_MIN),
             is_running: false,
             next: FrameTime::START,
             took: Duration::ZERO,
