@@ -1,7 +1,10 @@
 //! Virtual point lights (Keller, "Instant radiosity", 1997): indirect diffuse light as many small lamps.
 
+mod choose;
+mod curve;
 mod gather;
 mod trace;
+mod view;
 
 pub use gather::{Gather, GeometryBound};
 pub(crate) use gather::{connect, visible_weights};
