@@ -4,7 +4,7 @@ use std::{collections::VecDeque, num::NonZeroUsize, sync::Arc, time::Duration};
 
 use protocol::{
     FrameId, ToMaster, ToWorker, WorkerId, limits,
-    message::{Assign, EndFrame, Prepare, SceneRef, Shutdown, TaskResult},
+    message::{Assign, EndFrame, Prepare, Shutdown, TaskResult, Want},
 };
 use render::{
     buffer::FrameBuffers,
@@ -22,6 +22,7 @@ use crate::{
     plan::TaskQueues,
     prepare::Traceable,
     roster::Roster,
+    scene_bytes::SceneBytes,
     scheduler::{Action, Event, Extent, Promise, Scheduler},
     wire,
 };
@@ -36,12 +37,12 @@ const INTERRUPT_WITHIN: Duration = Duration::from_millis(20);
 pub struct Frame {
     clock: Clock,
     delta_t: Option<Duration>,
-    prepare: ToWorker,
+    /// What workers need of the scene, when it is in memory.
+    scene: Option<SceneBytes>,
     promise: Promise,
     ledger: Option<Ledger>,
     roster: Roster,
     tracing: Option<Tracing>,
-    digest: Option<String>,
     interrupted: bool,
     /// Events that came up while actions were carried out.
     deferred: VecDeque<Event>,
@@ -63,15 +64,10 @@ struct Tracing {
 impl Frame {
     /// Nobody is here, nothing is ready.
     pub fn new(job: &Job, clock: Clock) -> Self {
-        let path = std::path::absolute(&job.scene).unwrap_or_else(|_| job.scene.clone());
-        let scene = SceneRef {
-            path: path.to_string_lossy().into_owned(),
-            digest: None,
-        };
         Self {
             clock,
             delta_t: job.delta_t,
-            prepare: ToWorker::Prepare(Prepare { scene }),
+            scene: None,
             promise: match job.deadline {
                 Some(_) => Promise::Deadline,
                 None => Promise::FullWorkload,
@@ -82,7 +78,6 @@ impl Frame {
             }),
             roster: Roster::default(),
             tracing: None,
-            digest: None,
             interrupted: false,
             deferred: VecDeque::new(),
         }
@@ -101,11 +96,11 @@ impl Frame {
         self.settle();
     }
 
-    /// The scene of this process is in memory: others must have the same.
-    pub fn scene_loaded(&mut self, digest: String) {
-        self.digest = Some(digest);
+    /// The scene is in memory: workers can have it.
+    pub fn scene_loaded(&mut self, scene: SceneBytes) {
+        self.scene = Some(scene);
         for worker in self.roster.ids() {
-            self.check_scene(worker);
+            self.prepare(worker);
         }
         self.settle();
     }
@@ -235,7 +230,7 @@ impl Frame {
         tracing::info!(name = joined.hello.name, address = %joined.address, slots = joined.hello.slots, "a worker joined");
         let worker = self.roster.join(joined);
         self.roster.ping_all(self.clock.now());
-        self.send(worker, self.prepare.clone());
+        self.prepare(worker);
         if let Some(begin) = self.tracing.as_ref().map(|tracing| Arc::clone(&tracing.begin)) {
             self.send(worker, (*begin).clone());
         }
@@ -243,13 +238,8 @@ impl Frame {
 
     fn said(&mut self, worker: WorkerId, message: ToMaster) {
         match message {
-            ToMaster::Prepared(prepared) => {
-                if let Some(member) = self.roster.get(worker) {
-                    member.prepared = Some(prepared.digest);
-                }
-                self.check_scene(worker);
-                self.check_ready(worker);
-            }
+            ToMaster::Want(want) => self.send_part(worker, &want),
+            ToMaster::Prepared(prepared) => self.prepared(worker, &prepared.digest),
             ToMaster::Request(request) if request.frame == FRAME => {
                 let count = request.tasks;
                 self.handle(Event::Request { worker, count }, None);
@@ -297,16 +287,29 @@ impl Frame {
         self.deferred.push_back(Event::WorkerLeft { worker });
     }
 
-    fn check_scene(&mut self, worker: WorkerId) {
-        let theirs = self
-            .roster
-            .get(worker)
-            .and_then(|member| member.prepared.clone().flatten());
-        if let (Some(ours), Some(theirs)) = (&self.digest, theirs)
-            && *ours != theirs
-        {
-            self.send_away(worker, "its files of the scene differ from ours");
+    /// Tells a worker which scene there is.
+    fn prepare(&mut self, worker: WorkerId) {
+        if let Some(scene) = &self.scene {
+            let scene = scene.reference();
+            self.send(worker, ToWorker::Prepare(Prepare { scene }));
         }
+    }
+
+    fn send_part(&mut self, worker: WorkerId, want: &Want) {
+        match self.scene.as_ref().and_then(|scene| scene.part(want)) {
+            Some(part) => self.send(worker, ToWorker::ScenePart(part)),
+            None => self.send_away(worker, "it wants a scene that we do not have"),
+        }
+    }
+
+    fn prepared(&mut self, worker: WorkerId, digest: &str) {
+        if self.scene.as_ref().is_none_or(|scene| scene.digest() != digest) {
+            return self.send_away(worker, "it prepared another scene than ours");
+        }
+        if let Some(member) = self.roster.get(worker) {
+            member.prepared = true;
+        }
+        self.check_ready(worker);
     }
 
     fn check_ready(&mut self, worker: WorkerId) {
@@ -314,7 +317,7 @@ impl Frame {
         let Some(member) = self.roster.get(worker) else {
             return;
         };
-        if has_begun && member.prepared.is_some() && !member.ready {
+        if has_begun && member.prepared && !member.ready {
             member.ready = true;
             let slots = member.slots;
             let delta_t = member.link.delta_t(slots);

@@ -44,4 +44,5 @@ pub mod cpu_share;
 pub mod logging;
 pub mod process_age;
 pub mod progress;
+pub mod scene_bytes;
 pub mod scene_path;

@@ -3,7 +3,7 @@
 //! A process of its own, so that whatever kills it (a crash, a lack of memory, an impatient owner)
 //! leaves the master and the picture alive; its results take the way of all others.
 
-use std::{env, io, net::SocketAddr, path::Path, process::Stdio};
+use std::{env, io, net::SocketAddr, process::Stdio};
 
 use tokio::{
     io::{AsyncBufReadExt, AsyncRead, BufReader},
@@ -12,10 +12,7 @@ use tokio::{
 
 use worker::{Lifetime, WorkerOptions};
 
-use crate::{
-    cli::{LocalWorkerArgs, VERSION},
-    scene_path,
-};
+use crate::cli::{LocalWorkerArgs, VERSION};
 
 /// Tells the worker the token by which its master knows it. Not a flag: those can be seen by all.
 const TOKEN_VARIABLE: &str = "GRIDLIGHT_LOCAL_TOKEN";
@@ -32,7 +29,6 @@ pub fn run(args: LocalWorkerArgs) -> anyhow::Result<()> {
             token: env::var(TOKEN_VARIABLE).ok(),
         },
         version: VERSION.to_owned(),
-        scenes_dir: scene_path::scenes_dir(),
     })?;
     Ok(())
 }
@@ -57,13 +53,12 @@ pub struct Start {
 impl Start {
     /// Starts a worker that inherits nothing but the environment: whoever waits for the end of this
     /// process' output must not wait for the worker's memory to be torn down.
-    pub fn start(&self, scenes_dir: &Path) -> io::Result<LocalWorker> {
+    pub fn start(&self) -> io::Result<LocalWorker> {
         let mut child = Command::new(env::current_exe()?)
             .arg("worker")
             .args(["--connect", &self.master.to_string()])
             .args(["--slots", &self.slots.to_string()])
             .env(TOKEN_VARIABLE, &self.token)
-            .env(scene_path::VARIABLE, scenes_dir)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())

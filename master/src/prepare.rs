@@ -18,6 +18,7 @@ use crate::{
     cores,
     exit::{Exit, Failure, OrExit},
     job::Job,
+    scene_bytes::SceneBytes,
 };
 
 /// What has become ready. Comes in this order.
@@ -44,6 +45,8 @@ pub struct Loaded {
     pub settings: Settings,
     /// Time to read the files.
     pub load: Duration,
+    /// What workers need of it.
+    pub geometry: SceneBytes,
 }
 
 /// A scene in which rays can be traced.
@@ -92,6 +95,7 @@ fn prepare(job: &Job, clock: Clock, tell: impl Fn(Ready)) -> Result<(), Failure>
         notes: loaded.notes.iter().map(ToString::to_string).collect(),
         settings,
         load,
+        geometry: SceneBytes::new(&loaded.scene),
     }));
 
     let ((scene, bvh), groups) = rayon::join(

@@ -34,7 +34,7 @@ pub struct Member {
     /// The way to it.
     pub link: Link,
     /// Digest of its scene, once it has one.
-    pub prepared: Option<Option<String>>,
+    pub prepared: bool,
     /// Whether it may ask for tasks.
     pub ready: bool,
     outbox: mpsc::Sender<ToWorker>,
@@ -60,7 +60,7 @@ impl Roster {
             slots: joined.hello.slots,
             is_local: joined.is_local,
             link: Link::new(joined.throughput),
-            prepared: None,
+            prepared: false,
             ready: false,
             outbox: joined.outbox,
             pings: VecDeque::new(),

@@ -243,7 +243,7 @@ impl Session {
                     let leave = rehearsal::leave(size, &self.setting.job.files);
                     ledger.resize(size.pixel_count(), leave);
                 }
-                self.frame.scene_loaded(loaded.digest);
+                self.frame.scene_loaded(loaded.geometry);
             }
             Some(Ready::Traceable(traceable)) => {
                 self.prepared.bvh = traceable.bvh;
@@ -467,7 +467,7 @@ impl Local {
         if job.local_slots == 0 {
             return Ok(());
         }
-        let worker = self.start.start(&job.scenes_dir).map_err(|error| {
+        let worker = self.start.start().map_err(|error| {
             let error = anyhow::Error::new(error).context("cannot start the local worker");
             Failure::new(Exit::Unforeseen, error)
         })?;

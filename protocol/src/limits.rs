@@ -28,8 +28,11 @@ pub const TOKEN_BYTES: usize = 128;
 /// A reason or an error text; longer ones are shortened by the sender.
 pub const TEXT_BYTES: usize = 1024;
 
-/// The path of a scene.
-pub const PATH_BYTES: usize = 4096;
+/// A whole scene: 40 million triangles or so.
+pub const SCENE_BYTES: u64 = 1 << 30;
+
+/// One part of a scene: 8 ms on a network of 1 Gbit/s, so that control messages never wait for long.
+pub const SCENE_PART_BYTES: usize = 1 << 20;
 
 /// A scene's digest, as text.
 pub const DIGEST_BYTES: usize = 128;

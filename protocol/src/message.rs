@@ -20,6 +20,8 @@ use crate::task::Task;
 pub enum ToMaster {
     /// First of all: who wants to join.
     Hello(Hello),
+    /// The scene is not here: please send it, or more of it.
+    Want(Want),
     /// The scene is in memory, its BVH built.
     Prepared(Prepared),
     /// Something could not be done; the worker stays.
@@ -43,8 +45,10 @@ pub enum ToWorker {
     Welcome(Welcome),
     /// The worker may not join; the master closes.
     Refused(Refused),
-    /// Load a scene and build its BVH.
+    /// Get a scene ready.
     Prepare(Prepare),
+    /// A part of a scene, as was asked for.
+    ScenePart(ScenePart),
     /// A frame begins; an earlier one is over.
     Frame(Frame),
     /// Tasks to do, and how long results are of use.
@@ -77,13 +81,21 @@ pub struct Hello {
     pub token: Option<String>,
 }
 
+/// The scene is not here, or not all of it. Each of these is answered by one `scene_part`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Want {
+    /// That of the `prepare`.
+    pub digest: String,
+    /// The first byte that is wanted.
+    pub from: u64,
+}
+
 /// The scene is in memory, its BVH built.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Prepared {
-    /// Digest of the scene as loaded, if the worker computes one.
-    #[serde(default)]
-    pub digest: Option<String>,
-    /// Time to read the files, in microseconds; 0 if the scene was still in memory.
+    /// That of the `prepare`.
+    pub digest: String,
+    /// Time to decode the scene, in microseconds; 0 if it was still in memory.
     pub load_us: u64,
     /// Time to build the BVH, in microseconds; 0 if the scene was still in memory.
     pub bvh_us: u64,
@@ -175,21 +187,31 @@ pub struct Refused {
     pub reason: String,
 }
 
-/// Load a scene and build its BVH.
+/// Get a scene ready.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Prepare {
     /// The scene.
     pub scene: SceneRef,
 }
 
-/// Where a scene is.
+/// A scene, known by its content: camera, triangles, emitters, as `docs/protocol.md` lays them out.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneRef {
-    /// Absolute path on the worker's machine.
-    pub path: String,
-    /// Digest of the master's copy; a worker with another one must fail.
-    #[serde(default)]
-    pub digest: Option<String>,
+    /// BLAKE3 of the scene's bytes, in lower-case hexadecimal.
+    pub digest: String,
+    /// How many bytes it has.
+    pub bytes: u64,
+}
+
+/// A part of a scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ScenePart {
+    /// That of the `want`.
+    pub digest: String,
+    /// The first byte, as in the `want`.
+    pub from: u64,
+    /// The bytes; at least one.
+    pub data: ByteBuf,
 }
 
 /// A frame begins.
@@ -259,6 +281,7 @@ impl Message for ToMaster {
     fn name(&self) -> &'static str {
         match self {
             Self::Hello(_) => "hello",
+            Self::Want(_) => "want",
             Self::Prepared(_) => "prepared",
             Self::Failed(_) => "failed",
             Self::Request(_) => "request",
@@ -271,7 +294,8 @@ impl Message for ToMaster {
     fn check(&self) -> Result<(), LimitError> {
         match self {
             Self::Hello(hello) => hello.check(),
-            Self::Prepared(prepared) => digest_at_most("prepared.digest", prepared.digest.as_deref()),
+            Self::Want(want) => digest_at_most("want.digest", &want.digest),
+            Self::Prepared(prepared) => digest_at_most("prepared.digest", &prepared.digest),
             Self::Failed(failed) => at_most("failed.message", failed.message.len(), limits::TEXT_BYTES),
             Self::Request(request) => one_to("request.tasks", request.tasks, limits::leases(limits::SLOTS)),
             Self::Result(result) => result.check(),
@@ -294,6 +318,7 @@ impl Message for ToWorker {
             Self::Welcome(_) => "welcome",
             Self::Refused(_) => "refused",
             Self::Prepare(_) => "prepare",
+            Self::ScenePart(_) => "scene_part",
             Self::Frame(_) => "frame",
             Self::Assign(_) => "assign",
             Self::CutOff(_) => "cut_off",
@@ -310,6 +335,7 @@ impl Message for ToWorker {
             }
             Self::Refused(refused) => at_most("refused.reason", refused.reason.len(), limits::TEXT_BYTES),
             Self::Prepare(prepare) => prepare.scene.check(),
+            Self::ScenePart(part) => part.check(),
             Self::Frame(frame) => frame.check(),
             Self::Assign(assign) => check_tasks(assign.tasks.len()),
             Self::CutOff(_) | Self::EndFrame(_) | Self::Ping(_) | Self::Shutdown(_) => Ok(()),
@@ -319,6 +345,7 @@ impl Message for ToWorker {
     fn bulk_bytes(&self) -> usize {
         match self {
             Self::Frame(frame) => frame.vpl_sets.iter().map(|set| set.len() + 5).sum(),
+            Self::ScenePart(part) => part.data.len(),
             _ => 0,
         }
     }
@@ -380,8 +407,22 @@ impl TaskResult {
 
 impl SceneRef {
     fn check(&self) -> Result<(), LimitError> {
-        at_most("prepare.scene.path", self.path.len(), limits::PATH_BYTES)?;
-        digest_at_most("prepare.scene.digest", self.digest.as_deref())
+        digest_at_most("prepare.scene.digest", &self.digest)?;
+        if (1..=limits::SCENE_BYTES).contains(&self.bytes) {
+            return Ok(());
+        }
+        Err(LimitError {
+            what: "prepare.scene.bytes",
+            value: self.bytes.to_string(),
+            allowed: format!("1 to {}", limits::SCENE_BYTES),
+        })
+    }
+}
+
+impl ScenePart {
+    fn check(&self) -> Result<(), LimitError> {
+        digest_at_most("scene_part.digest", &self.digest)?;
+        at_most("scene_part.data", self.data.len(), limits::SCENE_PART_BYTES)
     }
 }
 
@@ -410,8 +451,8 @@ fn check_tasks(tasks: usize) -> Result<(), LimitError> {
     })
 }
 
-fn digest_at_most(what: &'static str, digest: Option<&str>) -> Result<(), LimitError> {
-    at_most(what, digest.map_or(0, str::len), limits::DIGEST_BYTES)
+fn digest_at_most(what: &'static str, digest: &str) -> Result<(), LimitError> {
+    at_most(what, digest.len(), limits::DIGEST_BYTES)
 }
 
 /// A text for a message's `reason` or `message`, shortened to what may be sent.

@@ -98,8 +98,9 @@ fn failed() -> impl Strategy<Value = Failed> {
 }
 
 fn to_master() -> impl Strategy<Value = ToMaster> {
-    let digest = || option::of(text(limits::DIGEST_BYTES));
+    let digest = || text(limits::DIGEST_BYTES);
     prop_oneof![
+        (digest(), any::<u64>()).prop_map(|(digest, from)| ToMaster::Want(Want { digest, from })),
         hello().prop_map(ToMaster::Hello),
         (digest(), any::<u64>(), any::<u64>()).prop_map(|(digest, load_us, bvh_us)| ToMaster::Prepared(
             Prepared {
@@ -144,8 +145,13 @@ fn settings() -> impl Strategy<Value = Settings> {
 
 fn to_worker() -> impl Strategy<Value = ToWorker> {
     let sets = vec(vec(any::<u8>(), 0..200).prop_map(ByteBuf::from), 0..20);
-    let scene = (text(limits::PATH_BYTES), option::of(text(limits::DIGEST_BYTES)))
-        .prop_map(|(path, digest)| SceneRef { path, digest });
+    let scene = (text(limits::DIGEST_BYTES), 1..=limits::SCENE_BYTES)
+        .prop_map(|(digest, bytes)| SceneRef { digest, bytes });
+    let part = (
+        text(limits::DIGEST_BYTES),
+        any::<u64>(),
+        vec(any::<u8>(), 0..2_000),
+    );
     let tasks = vec(task(), 0..=limits::TASKS_PER_ASSIGN / 8);
     prop_oneof![
         (any::<u32>(), text(limits::VERSION_BYTES)).prop_map(|(id, version)| ToWorker::Welcome(Welcome {
@@ -154,6 +160,11 @@ fn to_worker() -> impl Strategy<Value = ToWorker> {
         })),
         text(limits::TEXT_BYTES).prop_map(|reason| ToWorker::Refused(Refused { reason })),
         scene.prop_map(|scene| ToWorker::Prepare(Prepare { scene })),
+        part.prop_map(|(digest, from, data)| ToWorker::ScenePart(ScenePart {
+            digest,
+            from,
+            data: ByteBuf::from(data),
+        })),
         (frame(), settings(), sets).prop_map(|(frame, settings, vpl_sets)| ToWorker::Frame(Frame {
             frame,
             settings,

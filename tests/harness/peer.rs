@@ -52,14 +52,17 @@ impl Peer {
     pub fn with_tasks(master: SocketAddr, name: &str) -> (Self, PeerFrame) {
         let mut peer = Self::connect(master);
         peer.send(&ToMaster::Hello(hello(name)));
-        let prepared = Prepared {
-            digest: None,
+        // The scene itself is of no interest to this peer.
+        let prepared = |digest| Prepared {
+            digest,
             load_us: 1,
             bvh_us: 1,
         };
         let frame = loop {
             match peer.receive() {
-                Some(ToWorker::Prepare(_)) => peer.send(&ToMaster::Prepared(prepared.clone())),
+                Some(ToWorker::Prepare(prepare)) => {
+                    peer.send(&ToMaster::Prepared(prepared(prepare.scene.digest)));
+                }
                 Some(ToWorker::Frame(frame)) => break frame,
                 Some(_) => {}
                 None => panic!("the master closed before there was a frame"),

@@ -3,7 +3,6 @@
 use std::fs;
 use std::io::IsTerminal as _;
 use std::num::NonZeroU32;
-use std::path::PathBuf;
 use std::str::FromStr;
 use std::thread::available_parallelism;
 
@@ -18,9 +17,7 @@ use crate::options::{Lifetime, WorkerOptions};
 pub const VERSION: &str = concat!(env!("GRIDLIGHT_VERSION"), " (", env!("GRIDLIGHT_REVISION"), ")");
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 told to stop; 1 could not work, the last line says why; 2 wrong command line.
-GRIDLIGHT_SCENES in the environment is the folder that $GRIDLIGHT_SCENES in scene files stands for \
-[default: ../shared/scenes].";
+Exit codes: 0 told to stop; 1 could not work, the last line says why; 2 wrong command line.";
 
 /// Renders for a Gridlight master on the cores of this machine.
 ///
@@ -114,7 +111,6 @@ impl From<Arguments> for WorkerOptions {
             name: arguments.name.unwrap_or_else(host_name),
             lifetime: Lifetime::Service,
             version: VERSION.to_owned(),
-            scenes_dir: scenes_dir(),
         }
     }
 }
@@ -166,11 +162,6 @@ pub fn host_name() -> String {
         .ok()
         .filter(|name| !name.is_empty())
         .unwrap_or_else(|| "worker".to_owned())
-}
-
-/// `$GRIDLIGHT_SCENES`, or the folder beside the work tree.
-pub fn scenes_dir() -> PathBuf {
-    std::env::var_os("GRIDLIGHT_SCENES").map_or_else(|| "../shared/scenes".into(), PathBuf::from)
 }
 
 #[cfg(test)]

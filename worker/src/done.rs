@@ -13,6 +13,8 @@ use crate::state::Outcome;
 /// Something that was asked for is done.
 #[derive(Debug)]
 pub enum Done {
+    /// A scene was in memory already, or not.
+    Found(Option<Prepared>),
     /// A scene is in memory, or why not.
     Scene(anyhow::Result<Prepared>),
     /// A frame is set up, or why not.

@@ -35,7 +35,7 @@ use crate::traced::TracingRenderer;
 /// Works until told to stop; blocks. Not to be called from within an async runtime.
 pub fn run(options: WorkerOptions) -> anyhow::Result<Ended> {
     let clock = Clock::start();
-    let renderer = TracingRenderer::new(options.scenes_dir.clone(), clock);
+    let renderer = TracingRenderer::new(clock);
     run_with(options, clock, Box::new(renderer))
 }
 

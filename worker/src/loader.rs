@@ -20,7 +20,8 @@ pub struct Loader {
 
 #[derive(Debug)]
 enum Job {
-    Scene(SceneRef),
+    Find(SceneRef),
+    Build(SceneRef, Vec<u8>),
     Frame(FrameMessage),
 }
 
@@ -39,12 +40,17 @@ impl Loader {
         Ok(Self { jobs })
     }
 
-    /// Loads a scene, unless it is the one in memory.
-    pub fn load(&self, scene: SceneRef, done: DoneSender) {
-        self.give(Job::Scene(scene), done);
+    /// Looks whether a scene is the one in memory.
+    pub fn find(&self, scene: SceneRef, done: DoneSender) {
+        self.give(Job::Find(scene), done);
     }
 
-    /// Sets up a frame of the scene that was loaded last.
+    /// Makes a scene of its bytes.
+    pub fn build(&self, scene: SceneRef, bytes: Vec<u8>, done: DoneSender) {
+        self.give(Job::Build(scene, bytes), done);
+    }
+
+    /// Sets up a frame of the scene in memory.
     pub fn set_up(&self, frame: FrameMessage, done: DoneSender) {
         self.give(Job::Frame(frame), done);
     }
@@ -57,7 +63,8 @@ impl Loader {
 
 fn run(job: Job, cache: &mut SceneCache, renderer: &dyn Renderer) -> Done {
     match job {
-        Job::Scene(scene) => Done::Scene(unpanicked(|| cache.prepare(&scene, renderer))),
+        Job::Find(scene) => Done::Found(cache.find(&scene)),
+        Job::Build(scene, bytes) => Done::Scene(unpanicked(|| cache.build(&scene, &bytes, renderer))),
         Job::Frame(frame) => Done::Frame(frame.frame, unpanicked(|| set_up(&frame, cache))),
     }
 }

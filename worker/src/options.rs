@@ -1,7 +1,5 @@
 //! What a worker is told when it starts.
 
-use std::path::PathBuf;
-
 /// What a worker is told when it starts.
 #[derive(Clone, Debug)]
 pub struct WorkerOptions {
@@ -15,8 +13,6 @@ pub struct WorkerOptions {
     pub lifetime: Lifetime,
     /// Program version for people, as `0.1.0 (1234abcd)`.
     pub version: String,
-    /// What `$GRIDLIGHT_SCENES` stands for in scene files.
-    pub scenes_dir: PathBuf,
 }
 
 /// How long a worker works.

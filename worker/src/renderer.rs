@@ -1,7 +1,6 @@
 //! What a worker needs of a renderer. The real one is in [`crate::traced`]; tests bring their own.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,10 +8,10 @@ use protocol::Task;
 use protocol::settings::Settings;
 use serde_bytes::ByteBuf;
 
-/// Loads scenes.
+/// Makes scenes.
 pub trait Renderer: Send + fmt::Debug + 'static {
-    /// Reads a scene and builds its BVH.
-    fn load(&self, path: &Path) -> anyhow::Result<LoadedScene>;
+    /// Makes a scene of the bytes that a master sent, which may be wrong, and builds its BVH.
+    fn load(&self, bytes: &[u8]) -> anyhow::Result<LoadedScene>;
 }
 
 /// A scene in memory.
@@ -20,11 +19,7 @@ pub trait Renderer: Send + fmt::Debug + 'static {
 pub struct LoadedScene {
     /// Makes frames.
     pub scene: Arc<dyn Scene>,
-    /// Digest of the content, if there is one.
-    pub digest: Option<String>,
-    /// The files it was read from.
-    pub files: Vec<PathBuf>,
-    /// Time to read them.
+    /// Time to decode it.
     pub load: Duration,
     /// Time to build the BVH.
     pub bvh: Duration,

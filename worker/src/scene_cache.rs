@@ -1,95 +1,54 @@
-//! Keeps the last scene in memory, so that the next frame of it loads nothing.
+//! Keeps the last scene in memory, so that the next frame of it needs neither the network nor a BVH.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use anyhow::{Context as _, bail};
-use protocol::message::{Prepared, SceneRef};
+use protocol::message::{Prepared, SceneRef, digest_text};
 
 use crate::renderer::{LoadedScene, Renderer};
 
-/// One scene, and how its files looked when it was read.
+/// One scene, known by the digest of its bytes.
 #[derive(Debug, Default)]
 pub struct SceneCache {
-    kept: Option<Kept>,
-}
-
-#[derive(Debug)]
-struct Kept {
-    path: PathBuf,
-    loaded: LoadedScene,
-    stamps: Vec<Stamp>,
-}
-
-/// What changes when a file is written.
-#[derive(Debug, PartialEq)]
-struct Stamp {
-    modified: Option<SystemTime>,
-    bytes: Option<u64>,
+    kept: Option<(String, LoadedScene)>,
 }
 
 impl SceneCache {
     /// The scene that was prepared last.
     pub fn scene(&self) -> Option<&LoadedScene> {
-        self.kept.as_ref().map(|kept| &kept.loaded)
+        self.kept.as_ref().map(|(_, scene)| scene)
     }
 
-    /// Makes `wanted` the scene in memory, unless it is already.
-    pub fn prepare(&mut self, wanted: &SceneRef, renderer: &dyn Renderer) -> anyhow::Result<Prepared> {
-        if let Some(kept) = self.kept.as_ref().filter(|kept| kept.is(wanted)) {
-            return Ok(prepared(&kept.loaded, Duration::ZERO, Duration::ZERO));
-        }
+    /// Makes `wanted` the scene to render, if it is the one in memory.
+    pub fn find(&self, wanted: &SceneRef) -> Option<Prepared> {
+        let (digest, _) = self.kept.as_ref()?;
+        (*digest == wanted.digest).then(|| prepared(wanted, Duration::ZERO, Duration::ZERO))
+    }
+
+    /// Makes a scene of the bytes that came for `wanted`.
+    pub fn build(
+        &mut self,
+        wanted: &SceneRef,
+        bytes: &[u8],
+        renderer: &dyn Renderer,
+    ) -> anyhow::Result<Prepared> {
         // Two large scenes might not fit into memory.
         self.kept = None;
-        let path = PathBuf::from(&wanted.path);
-        let loaded = renderer
-            .load(&path)
-            .with_context(|| format!("cannot load {}", path.display()))?;
-        if let (Some(wanted), Some(found)) = (&wanted.digest, &loaded.digest)
-            && wanted != found
-        {
+        let digest = digest_text(blake3::hash(bytes).as_bytes());
+        if digest != wanted.digest {
             bail!(
-                "{} differs from the master's copy (digest {found} here, {wanted} there): \
-                 make both machines see the same files",
-                path.display()
+                "the scene did not arrive as it was sent: its digest is {digest}, that of the master {}",
+                wanted.digest
             );
         }
-        let stamps = loaded.files.iter().map(|file| Stamp::of(file)).collect();
-        let answer = prepared(&loaded, loaded.load, loaded.bvh);
-        self.kept = Some(Kept { path, loaded, stamps });
+        let loaded = renderer.load(bytes).context("cannot use the master's scene")?;
+        let answer = prepared(wanted, loaded.load, loaded.bvh);
+        self.kept = Some((digest, loaded));
         Ok(answer)
     }
 }
 
-impl Kept {
-    fn is(&self, wanted: &SceneRef) -> bool {
-        let same_content = match (&wanted.digest, &self.loaded.digest) {
-            (Some(wanted), Some(kept)) => wanted == kept,
-            _ => true,
-        };
-        let unchanged = || {
-            self.loaded
-                .files
-                .iter()
-                .zip(&self.stamps)
-                .all(|(file, stamp)| Stamp::of(file) == *stamp)
-        };
-        self.path == Path::new(&wanted.path) && same_content && unchanged()
-    }
-}
-
-impl Stamp {
-    fn of(file: &Path) -> Self {
-        let metadata = fs::metadata(file).ok();
-        Self {
-            modified: metadata.as_ref().and_then(|metadata| metadata.modified().ok()),
-            bytes: metadata.map(|metadata| metadata.len()),
-        }
-    }
-}
-
-fn prepared(scene: &LoadedScene, load: Duration, bvh: Duration) -> Prepared {
+fn prepared(scene: &SceneRef, load: Duration, bvh: Duration) -> Prepared {
     Prepared {
         digest: scene.digest.clone(),
         load_us: load.as_micros() as u64,
@@ -107,7 +66,7 @@ mod tests {
     use super::*;
     use crate::renderer::{Frame, Scene};
 
-    /// "Loads" a text file; its content is its digest.
+    /// Takes any bytes but empty ones for a scene.
     #[derive(Debug)]
     struct Reads;
 
@@ -115,11 +74,12 @@ mod tests {
     struct Nothing;
 
     impl Renderer for Reads {
-        fn load(&self, path: &Path) -> anyhow::Result<LoadedScene> {
+        fn load(&self, bytes: &[u8]) -> anyhow::Result<LoadedScene> {
+            if bytes.is_empty() {
+                bail!("no bytes");
+            }
             Ok(LoadedScene {
                 scene: Arc::new(Nothing),
-                digest: Some(fs::read_to_string(path)?),
-                files: vec![path.to_owned()],
                 load: Duration::from_micros(7),
                 bvh: Duration::from_micros(8),
             })
@@ -132,54 +92,39 @@ mod tests {
         }
     }
 
-    fn scene_file(content: &str) -> (tempfile::TempDir, SceneRef) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("scene.toml");
-        fs::write(&path, content).unwrap();
-        let path = path.to_str().unwrap().to_owned();
-        (folder, SceneRef { path, digest: None })
-    }
-
-    fn load_us(cache: &mut SceneCache, scene: &SceneRef) -> u64 {
-        cache.prepare(scene, &Reads).unwrap().load_us
+    fn scene(bytes: &[u8]) -> SceneRef {
+        SceneRef {
+            digest: digest_text(blake3::hash(bytes).as_bytes()),
+            bytes: bytes.len() as u64,
+        }
     }
 
     #[test]
-    fn the_same_scene_is_loaded_once() {
-        let (_folder, scene) = scene_file("red");
+    fn a_scene_is_found_until_another_one_is_built() {
         let mut cache = SceneCache::default();
-        assert_eq!(load_us(&mut cache, &scene), 7);
-        assert_eq!(load_us(&mut cache, &scene), 0);
+        let (red, green) = (scene(b"red"), scene(b"green"));
+        assert_eq!(cache.find(&red), None);
+        assert_eq!(cache.build(&red, b"red", &Reads).unwrap().load_us, 7);
+        assert_eq!(cache.find(&red).unwrap().load_us, 0);
+        cache.build(&green, b"green", &Reads).unwrap();
+        assert_eq!(cache.find(&red), None);
+        assert!(cache.find(&green).is_some());
     }
 
     #[test]
-    fn a_scene_is_loaded_again_when_a_file_has_changed() {
-        let (_folder, scene) = scene_file("red");
-        let mut cache = SceneCache::default();
-        load_us(&mut cache, &scene);
-        fs::write(&scene.path, "green").unwrap();
-        assert_eq!(load_us(&mut cache, &scene), 7);
-        assert_eq!(load_us(&mut cache, &scene), 0);
-    }
-
-    #[test]
-    fn a_scene_that_differs_from_the_masters_is_refused() {
-        let (_folder, mut scene) = scene_file("red");
-        scene.digest = Some("green".to_owned());
+    fn bytes_that_are_not_those_of_the_digest_are_refused() {
         let error = SceneCache::default()
-            .prepare(&scene, &Reads)
+            .build(&scene(b"red"), b"rod", &Reads)
             .unwrap_err()
             .to_string();
-        assert!(error.contains("digest red here, green there"), "{error}");
+        assert!(error.contains("did not arrive as it was sent"), "{error}");
     }
 
     #[test]
-    fn a_missing_scene_is_named() {
-        let scene = SceneRef {
-            path: "/no/such/scene.toml".to_owned(),
-            digest: None,
-        };
-        let error = SceneCache::default().prepare(&scene, &Reads).unwrap_err();
-        assert!(format!("{error:#}").contains("/no/such/scene.toml"), "{error:#}");
+    fn a_scene_that_cannot_be_used_says_why_and_is_not_kept() {
+        let mut cache = SceneCache::default();
+        let error = cache.build(&scene(b""), b"", &Reads).unwrap_err();
+        assert!(format!("{error:#}").contains("no bytes"), "{error:#}");
+        assert!(cache.scene().is_none());
     }
 }

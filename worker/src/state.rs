@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use protocol::limits::{HANDSHAKE_WITHIN, LEASES_PER_SLOT, SILENCE};
 use protocol::message::{
-    Assign, Failed, FailedStep, Frame, Hello, Leaving, Message as _, Pong, Prepared, Request, SceneRef,
-    TaskResult, text,
+    Assign, Failed, FailedStep, Frame, Hello, Leaving, Message as _, Pong, Prepared, Request, ScenePart,
+    SceneRef, TaskResult, Want, text,
 };
 use protocol::{FrameId, Radiance, Task, ToMaster, ToWorker};
 
@@ -27,9 +27,11 @@ const STOPPING_WITHIN: Duration = Duration::from_millis(60);
 pub enum Event {
     /// The master said something.
     Received(ToWorker),
+    /// The scene asked for last is not in memory.
+    SceneMissing,
     /// The scene asked for last is in memory.
     SceneReady(Prepared),
-    /// The scene asked for last cannot be loaded.
+    /// The scene asked for last cannot be used.
     SceneFailed(String),
     /// The frame asked for last can be rendered.
     FrameReady(FrameId),
@@ -64,8 +66,11 @@ pub enum Outcome {
 pub enum Action {
     /// Say this to the master.
     Send(ToMaster),
-    /// Load the scene, then report [`Event::SceneReady`] or [`Event::SceneFailed`].
-    LoadScene(SceneRef),
+    /// Look whether the scene is in memory, then report [`Event::SceneReady`] or
+    /// [`Event::SceneMissing`].
+    FindScene(SceneRef),
+    /// Make the scene of its bytes, then report [`Event::SceneReady`] or [`Event::SceneFailed`].
+    BuildScene(SceneRef, Vec<u8>),
     /// Set up the frame, then report [`Event::FrameReady`] or [`Event::FrameFailed`].
     SetUp(Frame),
     /// Let the slots do these, in this order, each to be reported as [`Event::TaskDone`].
@@ -102,6 +107,8 @@ pub struct State {
     /// How long the master may say nothing; `None`: as long as it likes.
     silence: Option<Duration>,
     scene: Scene,
+    /// What of the scene has come so far, while it comes.
+    incoming: Option<Incoming>,
     /// What the loading thread is at; it does one thing at a time.
     loading: Option<Load>,
     /// What it shall do next. A later wish replaces an earlier one, so that no queue can grow.
@@ -122,9 +129,16 @@ enum Scene {
     Failed,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A scene on its way, part after part.
+#[derive(Debug)]
+struct Incoming {
+    scene: SceneRef,
+    bytes: Vec<u8>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
 enum Load {
-    Scene,
+    Scene(SceneRef),
     Frame(FrameId),
     /// A frame that ended meanwhile; it cannot be interrupted.
     EndedFrame,
@@ -155,6 +169,7 @@ impl State {
             heard_at: now,
             silence: Some(SILENCE),
             scene: Scene::Missing,
+            incoming: None,
             loading: None,
             next_scene: None,
             next_frame: None,
@@ -179,6 +194,7 @@ impl State {
     pub fn handle(&mut self, now: Duration, event: Event) {
         match event {
             Event::Received(message) => self.received(now, message),
+            Event::SceneMissing => self.scene_missing(),
             Event::SceneReady(prepared) => self.scene_ready(prepared),
             Event::SceneFailed(message) => self.scene_failed(message),
             Event::FrameReady(frame) => self.frame_ready(now, frame),
@@ -243,6 +259,7 @@ impl State {
             ToWorker::Shutdown(_) => self.close(Ending::Shutdown),
             _ if self.leaving.is_some() => {}
             ToWorker::Prepare(prepare) => self.prepare(prepare.scene),
+            ToWorker::ScenePart(part) => self.scene_part(&part),
             ToWorker::Frame(frame) => self.new_frame(frame),
             ToWorker::Assign(assign) => self.assign(now, assign),
             other => self.close(Ending::Violation(format!(
@@ -255,6 +272,7 @@ impl State {
     fn prepare(&mut self, scene: SceneRef) {
         self.end_current_frame();
         self.next_frame = None;
+        self.incoming = None;
         self.next_scene = Some(scene);
         self.load_next();
     }
@@ -267,13 +285,13 @@ impl State {
 
     /// Gives the loading thread its next work, if it is free and there is some.
     fn load_next(&mut self) {
-        if self.loading.is_some() {
+        if self.loading.is_some() || self.incoming.is_some() {
             return;
         }
         if let Some(scene) = self.next_scene.take() {
             self.scene = Scene::Missing;
-            self.loading = Some(Load::Scene);
-            self.act(Action::LoadScene(scene));
+            self.loading = Some(Load::Scene(scene.clone()));
+            self.act(Action::FindScene(scene));
         } else if let Some(frame) = self.next_frame.take() {
             if self.scene == Scene::Ready {
                 self.loading = Some(Load::Frame(frame.frame));
@@ -286,6 +304,50 @@ impl State {
                 };
                 self.send_failed(FailedStep::Frame, Some(frame.frame), None, why.to_owned());
             }
+        }
+    }
+
+    fn scene_missing(&mut self) {
+        let loading = self.loading.take();
+        match loading {
+            Some(Load::Scene(scene)) if self.next_scene.is_none() => {
+                self.want(&scene, 0);
+                let bytes = Vec::new();
+                self.incoming = Some(Incoming { scene, bytes });
+            }
+            _ => self.load_next(),
+        }
+    }
+
+    fn want(&mut self, scene: &SceneRef, from: u64) {
+        let digest = scene.digest.clone();
+        self.send(ToMaster::Want(Want { digest, from }));
+    }
+
+    /// Puts a part to what has come before. The memory grows with what comes, whatever was announced.
+    fn scene_part(&mut self, part: &ScenePart) {
+        // Of a scene that is wanted no more.
+        let Some(mut incoming) = self
+            .incoming
+            .take_if(|incoming| incoming.scene.digest == part.digest)
+        else {
+            return;
+        };
+        let (have, comes) = (incoming.bytes.len() as u64, part.data.len() as u64);
+        let all = incoming.scene.bytes;
+        if part.from != have || comes == 0 || have + comes > all {
+            return self.close(Ending::Violation(format!(
+                "`scene_part` has {comes} bytes from {} of a scene of {all} bytes, of which {have} have come",
+                part.from
+            )));
+        }
+        incoming.bytes.extend_from_slice(&part.data);
+        if have + comes < all {
+            self.want(&incoming.scene, have + comes);
+            self.incoming = Some(incoming);
+        } else {
+            self.loading = Some(Load::Scene(incoming.scene.clone()));
+            self.act(Action::BuildScene(incoming.scene, incoming.bytes));
         }
     }
 

@@ -1,14 +1,13 @@
 //! The real renderer: the crate `render` behind the worker's traits. What comes off the wire becomes
 //! `render`'s own types here.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use protocol::{message, settings as wire};
+use protocol::settings as wire;
 use render::frame::FrameRenderer;
 use render::intersect::TracedScene;
-use render::scene::{ImageSize, LoadOptions, load};
+use render::scene::{ImageSize, geometry};
 use render::settings::{Algorithm, LightPoints, Settings};
 use render::task::{Component, Task};
 use render::vpl::VplSet;
@@ -17,39 +16,30 @@ use serde_bytes::ByteBuf;
 use crate::clock::Clock;
 use crate::renderer::{Frame, LoadedScene, Output, Renderer, Scene};
 
-/// Loads scenes from files and builds their BVH by Embree.
+/// Builds the BVH of scenes by Embree.
 #[derive(Debug)]
 pub struct TracingRenderer {
-    options: LoadOptions,
     clock: Clock,
 }
 
 impl TracingRenderer {
-    /// `scenes_dir` is what `$GRIDLIGHT_SCENES` stands for in scene files.
-    pub fn new(scenes_dir: PathBuf, clock: Clock) -> Self {
-        Self {
-            options: LoadOptions { scenes_dir },
-            clock,
-        }
+    /// The clock tells how long a scene took.
+    pub fn new(clock: Clock) -> Self {
+        Self { clock }
     }
 }
 
 impl Renderer for TracingRenderer {
-    fn load(&self, path: &Path) -> anyhow::Result<LoadedScene> {
+    fn load(&self, bytes: &[u8]) -> anyhow::Result<LoadedScene> {
         let begun = self.clock.now();
-        let loaded = load(path, &self.options)?;
-        let read = self.clock.now();
-        for note in &loaded.notes {
-            tracing::info!(scene = %path.display(), "{note}");
-        }
-        let traced = TracedScene::build(loaded.scene).context("cannot build the BVH")?;
+        let scene = geometry::from_bytes(bytes)?;
+        let decoded = self.clock.now();
+        let traced = TracedScene::build(scene).context("cannot build the BVH")?;
         let built = self.clock.now();
         Ok(LoadedScene {
             scene: Arc::new(PreparedScene(Arc::new(traced))),
-            digest: Some(message::digest_text(&loaded.digest)),
-            files: loaded.files,
-            load: read.saturating_sub(begun),
-            bvh: built.saturating_sub(read),
+            load: decoded.saturating_sub(begun),
+            bvh: built.saturating_sub(decoded),
         })
     }
 }

@@ -13,7 +13,7 @@ use tokio::io::AsyncWriteExt as _;
 use worker::clock::Clock;
 use worker::{Ended, Lifetime, WorkerOptions};
 
-use self::scripted::{BREAKING, Grey, Master, direct, settings};
+use self::scripted::{BREAKING, Grey, Master, digest_of, direct, settings};
 
 const FAST: Grey = Grey {
     pixel: Duration::ZERO,
@@ -38,7 +38,6 @@ impl Running {
                 token: Some("secret".to_owned()),
             },
             version: "0.0.9".to_owned(),
-            scenes_dir: "scenes".into(),
         };
         Self(thread::spawn(move || {
             worker::run_with(options, Clock::start(), Box::new(renderer))
@@ -68,9 +67,9 @@ async fn a_worker_introduces_itself_renders_a_frame_and_ends_with_its_master() {
     );
     assert_eq!(hello.token.as_deref(), Some("secret"));
 
-    peer.prepare("scene.toml").await;
+    peer.prepare(b"scene").await;
     let prepared = Prepared {
-        digest: None,
+        digest: digest_of(b"scene"),
         load_us: 7,
         bvh_us: 8,
     };
@@ -105,7 +104,7 @@ async fn a_worker_introduces_itself_renders_a_frame_and_ends_with_its_master() {
 async fn slots_go_on_pulling_until_everything_is_rendered() {
     let master = Master::listen().await;
     let _worker = Running::start(&master, 2, FAST);
-    let (mut peer, mut asked) = master.join_in_frame("scene", settings()).await;
+    let (mut peer, mut asked) = master.join_in_frame(b"scene", settings()).await;
     let mut left: Vec<_> = (0..4)
         .flat_map(|group| (0..BREAKING).map(move |pass| direct(group, pass)))
         .collect();
@@ -126,7 +125,7 @@ async fn slots_go_on_pulling_until_everything_is_rendered() {
 async fn a_cut_off_brings_what_is_done_at_once() {
     let master = Master::listen().await;
     let _worker = Running::start(&master, 2, SLOW);
-    let (mut peer, _) = master.join_in_frame("scene", settings()).await;
+    let (mut peer, _) = master.join_in_frame(b"scene", settings()).await;
     peer.assign((0..4).map(|group| direct(group, 0)).collect(), None)
         .await;
     tokio::time::sleep(Duration::from_millis(100)).await;
@@ -149,7 +148,7 @@ async fn a_cut_off_brings_what_is_done_at_once() {
 async fn results_are_on_their_way_when_the_time_is_up() {
     let master = Master::listen().await;
     let _worker = Running::start(&master, 1, SLOW);
-    let (mut peer, _) = master.join_in_frame("scene", settings()).await;
+    let (mut peer, _) = master.join_in_frame(b"scene", settings()).await;
     let clock = Clock::start();
     peer.assign(vec![direct(0, 0), direct(1, 0)], Some(Duration::from_millis(100)))
         .await;
@@ -168,7 +167,7 @@ async fn a_scene_in_memory_is_not_loaded_again() {
     let _worker = Running::start(&master, 1, FAST);
     let (mut peer, _) = master.join().await;
     for load_us in [7, 0] {
-        peer.prepare("scene").await;
+        peer.prepare(b"scene").await;
         let ToMaster::Prepared(prepared) = peer.hear().await else {
             panic!("not prepared")
         };
@@ -182,16 +181,16 @@ async fn what_fails_is_named_and_the_worker_stays() {
     let _worker = Running::start(&master, 1, FAST);
     let (mut peer, _) = master.join().await;
 
-    peer.prepare("missing").await;
+    peer.prepare(b"broken").await;
     let failed = peer.failed().await;
     assert_eq!(failed.what, FailedStep::Scene);
     assert!(
-        failed.message.contains("cannot load missing: no such file"),
+        failed.message.contains("cannot use the master's scene: no scene"),
         "{}",
         failed.message
     );
 
-    peer.prepare("scene").await;
+    peer.prepare(b"scene").await;
     peer.hear().await;
     let uneven = Settings {
         vpls: 7,
@@ -230,7 +229,7 @@ async fn what_fails_is_named_and_the_worker_stays() {
 async fn when_its_master_vanishes_a_local_worker_ends_at_once_even_in_mid_task() {
     let master = Master::listen().await;
     let worker = Running::start(&master, 2, SLOW);
-    let (mut peer, _) = master.join_in_frame("scene", settings()).await;
+    let (mut peer, _) = master.join_in_frame(b"scene", settings()).await;
     peer.assign(vec![direct(0, 0), direct(1, 0)], None).await;
     tokio::time::sleep(Duration::from_millis(30)).await;
     drop(peer);
@@ -281,7 +280,7 @@ async fn work_before_the_welcome_is_not_accepted() {
     let worker = Running::start(&master, 1, FAST);
     let mut peer = master.accept().await;
     peer.hello().await;
-    peer.prepare("scene").await;
+    peer.prepare(b"scene").await;
     let error = worker.error();
     assert!(error.contains("`prepare` came before `welcome`"), "{error}");
 }

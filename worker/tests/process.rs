@@ -5,6 +5,7 @@ mod scripted;
 
 use std::io::{BufRead as _, BufReader};
 use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::mpsc;
 use std::thread;
@@ -13,7 +14,7 @@ use std::time::Duration;
 use protocol::message::*;
 use protocol::{Component, FrameId, Task, ToMaster, ToWorker};
 use render::intersect::TracedScene;
-use render::scene::{LoadOptions, load};
+use render::scene::{LoadOptions, Scene, geometry, load};
 use render::{frame::FrameRenderer, vpl};
 use serde_bytes::ByteBuf;
 use worker::clock::Clock;
@@ -102,12 +103,17 @@ fn output(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-fn cornell_box() -> String {
-    concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../scenes/cornell-box/cornell-box.toml"
-    )
-    .to_owned()
+/// The scene in a file of our own.
+fn scene(file: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(file);
+    let options = LoadOptions {
+        scenes_dir: "scenes".into(),
+    };
+    load(&path, &options).unwrap().scene
+}
+
+fn cornell_box() -> Scene {
+    scene("cornell-box/cornell-box.toml")
 }
 
 /// A port at which nobody listens.
@@ -125,12 +131,7 @@ fn version_and_help_say_what_people_need() {
         "{version}"
     );
     let help = String::from_utf8(output(&["--help"]).stdout).unwrap();
-    for part in [
-        "--connect <HOST:PORT>",
-        "[default: auto]",
-        "Exit codes",
-        "GRIDLIGHT_SCENES",
-    ] {
+    for part in ["--connect <HOST:PORT>", "[default: auto]", "Exit codes"] {
         assert!(help.contains(part), "{part} is missing in:\n{help}");
     }
     assert_eq!(output(&["--connect", "nowhere"]).status.code(), Some(2));
@@ -199,10 +200,10 @@ async fn a_worker_gives_up_a_master_that_says_nothing() {
 /// Brings a worker with the real renderer into the middle of a frame.
 async fn in_frame(master: &Master, settings: &protocol::settings::Settings) -> Peer {
     let (mut peer, _) = master.join().await;
-    peer.prepare(&cornell_box()).await;
+    peer.prepare(&geometry::to_bytes(&cornell_box())).await;
     let prepared = peer.hear().await;
     assert!(
-        matches!(&prepared, ToMaster::Prepared(prepared) if prepared.digest.is_some()),
+        matches!(&prepared, ToMaster::Prepared(prepared) if prepared.bvh_us > 0),
         "{prepared:?}"
     );
     let frame = Frame {
@@ -216,10 +217,7 @@ async fn in_frame(master: &Master, settings: &protocol::settings::Settings) -> P
 }
 
 fn traced() -> TracedScene {
-    let options = LoadOptions {
-        scenes_dir: "scenes".into(),
-    };
-    TracedScene::build(load(cornell_box().as_ref(), &options).unwrap().scene).unwrap()
+    TracedScene::build(cornell_box()).unwrap()
 }
 
 /// The VPLs as a master has them, and as they are sent.
@@ -350,12 +348,13 @@ async fn last_results(peer: &mut Peer, signal: &str) -> u32 {
 /// Embree's threads may be anywhere in the BVH when the process ends.
 #[tokio::test]
 async fn told_to_go_while_it_loads_a_scene_a_worker_just_goes() {
-    let nave = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/nave/nave.toml");
+    let nave = geometry::to_bytes(&scene("nave/nave.toml"));
     for millis in [0, 20, 40, 60, 80, 120, 160, 240] {
         let master = Master::listen().await;
         let mut worker = Worker::connect(master.address, 1);
         let (mut peer, _) = master.join().await;
-        peer.prepare(nave).await;
+        peer.prepare(&nave).await;
+        peer.send_scene().await;
         tokio::time::sleep(Duration::from_millis(millis)).await;
         let (status, _) = worker.ends_after("TERM");
         assert!(status.success(), "{status} after {millis} ms");
@@ -367,7 +366,7 @@ async fn settings_and_vpls_that_make_no_sense_are_refused_by_name() {
     let master = Master::listen().await;
     let _worker = Worker::connect(master.address, 1);
     let (mut peer, _) = master.join().await;
-    peer.prepare(&cornell_box()).await;
+    peer.prepare(&geometry::to_bytes(&cornell_box())).await;
     peer.hear().await;
     let uneven = protocol::settings::Settings {
         vpls: 7,

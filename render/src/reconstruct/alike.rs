@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::buffer::{Buffer, FrameBuffers};
 
 /// Pixels that are summed at a time.
-const PIXELS: usize = 4_096;
+const PIXELS: usize = 512;
 
 /// Sets that hold the same pixels.
 #[derive(Debug, Clone, Copy)]

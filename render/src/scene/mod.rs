@@ -1,6 +1,7 @@
 //! A scene as plain data: triangles, materials, textures, emitters and the camera's pose.
 
 mod emitter;
+pub mod geometry;
 pub mod load;
 mod material;
 mod mesh;

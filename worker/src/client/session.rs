@@ -159,7 +159,8 @@ impl<'a> Session<'a> {
 
     fn event_of(&mut self, done: Done) -> Event {
         match done {
-            Done::Scene(Ok(prepared)) => Event::SceneReady(prepared),
+            Done::Found(None) => Event::SceneMissing,
+            Done::Found(Some(prepared)) | Done::Scene(Ok(prepared)) => Event::SceneReady(prepared),
             Done::Scene(Err(error)) => Event::SceneFailed(format!("{error:#}")),
             Done::Frame(id, Ok(frame)) => {
                 let stop = Arc::new(StopTime::never());
@@ -180,7 +181,8 @@ impl<'a> Session<'a> {
                         return Some(End::Unsendable(error.to_string()));
                     }
                 }
-                Action::LoadScene(scene) => self.loader.load(scene, self.done.clone()),
+                Action::FindScene(scene) => self.loader.find(scene, self.done.clone()),
+                Action::BuildScene(scene, bytes) => self.loader.build(scene, bytes, self.done.clone()),
                 Action::SetUp(frame) => self.loader.set_up(frame, self.done.clone()),
                 Action::Start(id, tasks) => self.start(id, tasks),
                 Action::StopAt(id, stop_at) => {

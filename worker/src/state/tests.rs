@@ -29,16 +29,30 @@ fn task(group: u32) -> Task {
     }
 }
 
-fn scene(path: &str) -> SceneRef {
+/// A scene of ten bytes.
+fn scene(digest: &str) -> SceneRef {
     SceneRef {
-        path: path.to_owned(),
-        digest: None,
+        digest: digest.to_owned(),
+        bytes: 10,
     }
+}
+
+fn part(digest: &str, from: u64, data: &[u8]) -> Event {
+    Event::Received(ToWorker::ScenePart(ScenePart {
+        digest: digest.to_owned(),
+        from,
+        data: data.to_vec().into(),
+    }))
+}
+
+fn want(digest: &str, from: u64) -> Action {
+    let digest = digest.to_owned();
+    Action::Send(ToMaster::Want(Want { digest, from }))
 }
 
 fn prepared() -> Prepared {
     Prepared {
-        digest: None,
+        digest: "a".to_owned(),
         load_us: 1,
         bvh_us: 2,
     }
@@ -133,8 +147,9 @@ fn joined(slots: u32) -> State {
     state
 }
 
-fn prepare(path: &str) -> Event {
-    Event::Received(ToWorker::Prepare(Prepare { scene: scene(path) }))
+fn prepare(digest: &str) -> Event {
+    let scene = scene(digest);
+    Event::Received(ToWorker::Prepare(Prepare { scene }))
 }
 
 fn begin(id: u32) -> Event {
@@ -163,7 +178,7 @@ fn a_worker_greets_then_prepares_then_asks_for_twice_as_many_tasks_as_it_has_slo
     assert_eq!(on(&mut state, ms(1), welcome()), []);
     assert_eq!(
         on(&mut state, ms(2), prepare("a")),
-        [Action::LoadScene(scene("a"))]
+        [Action::FindScene(scene("a"))]
     );
     let ready = on(&mut state, ms(3), Event::SceneReady(prepared()));
     assert_eq!(ready, [Action::Send(ToMaster::Prepared(prepared()))]);
@@ -187,6 +202,56 @@ fn a_frame_that_comes_before_the_scene_is_ready_waits_for_it() {
             Action::SetUp(frame(1))
         ]
     );
+}
+
+#[test]
+fn a_scene_that_is_not_here_comes_part_by_part_before_anything_is_built() {
+    let mut state = joined(1);
+    on(&mut state, ms(0), prepare("a"));
+    assert_eq!(on(&mut state, ms(1), Event::SceneMissing), [want("a", 0)]);
+    assert_eq!(on(&mut state, ms(2), begin(1)), []);
+    assert_eq!(on(&mut state, ms(3), part("a", 0, b"0123456")), [want("a", 7)]);
+    let build = Action::BuildScene(scene("a"), b"0123456789".to_vec());
+    assert_eq!(on(&mut state, ms(4), part("a", 7, b"789")), [build]);
+    let ready = on(&mut state, ms(5), Event::SceneReady(prepared()));
+    assert_eq!(
+        ready,
+        [
+            Action::Send(ToMaster::Prepared(prepared())),
+            Action::SetUp(frame(1))
+        ]
+    );
+}
+
+#[test]
+fn a_new_scene_takes_the_place_of_one_that_is_still_coming() {
+    let mut state = joined(1);
+    on(&mut state, ms(0), prepare("a"));
+    on(&mut state, ms(1), Event::SceneMissing);
+    assert_eq!(
+        on(&mut state, ms(2), prepare("b")),
+        [Action::FindScene(scene("b"))]
+    );
+    assert_eq!(on(&mut state, ms(3), part("a", 0, b"0123456789")), []);
+    assert_eq!(on(&mut state, ms(4), Event::SceneMissing), [want("b", 0)]);
+}
+
+#[test]
+fn parts_that_leave_a_gap_or_are_empty_or_too_long_end_the_connection() {
+    for wrong in [
+        part("a", 1, b"1"),
+        part("a", 0, b""),
+        part("a", 0, b"0123456789a"),
+    ] {
+        let mut state = joined(1);
+        on(&mut state, ms(0), prepare("a"));
+        on(&mut state, ms(1), Event::SceneMissing);
+        let actions = on(&mut state, ms(2), wrong);
+        assert!(
+            matches!(&actions[..], [Action::Close(Ending::Violation(_))]),
+            "{actions:?}"
+        );
+    }
 }
 
 #[test]
@@ -338,7 +403,7 @@ fn of_many_wishes_while_the_loader_is_busy_only_the_last_is_kept() {
     let mut state = joined(1);
     assert_eq!(
         on(&mut state, ms(0), prepare("a")),
-        [Action::LoadScene(scene("a"))]
+        [Action::FindScene(scene("a"))]
     );
     for path in ["b", "c", "d"] {
         assert_eq!(on(&mut state, ms(1), prepare(path)), []);
@@ -348,7 +413,7 @@ fn of_many_wishes_while_the_loader_is_busy_only_the_last_is_kept() {
     }
     assert_eq!(
         on(&mut state, ms(2), Event::SceneReady(prepared())),
-        [Action::LoadScene(scene("d"))]
+        [Action::FindScene(scene("d"))]
     );
     let ready = on(&mut state, ms(3), Event::SceneReady(prepared()));
     assert_eq!(

@@ -3,7 +3,6 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on should stop")]
 
 use std::net::SocketAddr;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -30,7 +29,12 @@ pub(crate) struct Master {
 pub(crate) struct Peer {
     reader: Reader<ToMaster>,
     writer: Writer<ToWorker>,
+    /// The scene that was named last.
+    scene: Vec<u8>,
 }
+
+/// Bytes in a part of a scene: few, so that even a small one has several.
+const PART_BYTES: usize = 100_000;
 
 impl Master {
     pub(crate) async fn listen() -> Self {
@@ -49,7 +53,11 @@ impl Master {
 
     pub(crate) async fn accept(&self) -> Peer {
         let (reader, writer) = protocol::connection::open(self.accept_bytes().await).unwrap();
-        Peer { reader, writer }
+        Peer {
+            reader,
+            writer,
+            scene: Vec::new(),
+        }
     }
 
     /// Accepts a worker and welcomes it.
@@ -65,7 +73,7 @@ impl Master {
     }
 
     /// Accepts a worker and brings it into the middle of frame 1, with its first tasks asked for.
-    pub(crate) async fn join_in_frame(&self, scene: &str, settings: Settings) -> (Peer, u32) {
+    pub(crate) async fn join_in_frame(&self, scene: &[u8], settings: Settings) -> (Peer, u32) {
         let (mut peer, _) = self.join().await;
         peer.prepare(scene).await;
         assert!(matches!(peer.hear().await, ToMaster::Prepared(_)));
@@ -85,12 +93,44 @@ impl Peer {
         self.writer.send(&message).await.unwrap();
     }
 
+    /// The next message, once the worker has what it wants of the scene.
     pub(crate) async fn hear(&mut self) -> ToMaster {
-        let message = timeout(PATIENCE, self.reader.read()).await;
-        message
-            .expect("the worker says something in time")
-            .unwrap()
-            .expect("the worker stays")
+        loop {
+            let message = timeout(PATIENCE, self.reader.read()).await;
+            let message = message
+                .expect("the worker says something in time")
+                .unwrap()
+                .expect("the worker stays");
+            match message {
+                ToMaster::Want(want) => self.send_part(want).await,
+                message => return message,
+            }
+        }
+    }
+
+    /// Answers until the worker has the whole scene, and hears no further.
+    pub(crate) async fn send_scene(&mut self) {
+        let mut wanted = 0;
+        while wanted + PART_BYTES < self.scene.len() {
+            let message = timeout(PATIENCE, self.reader.read()).await;
+            match message.unwrap().unwrap() {
+                Some(ToMaster::Want(want)) => {
+                    wanted = want.from as usize;
+                    self.send_part(want).await;
+                }
+                other => panic!("not a want: {other:?}"),
+            }
+        }
+    }
+
+    async fn send_part(&mut self, want: Want) {
+        let rest = &self.scene[want.from as usize..];
+        let part = ScenePart {
+            digest: want.digest,
+            from: want.from,
+            data: rest[..rest.len().min(PART_BYTES)].to_vec().into(),
+        };
+        self.say(ToWorker::ScenePart(part)).await;
     }
 
     /// Whether the worker closes next.
@@ -136,10 +176,12 @@ impl Peer {
         }
     }
 
-    pub(crate) async fn prepare(&mut self, path: &str) {
+    /// Names a scene, which the worker gets when it wants it.
+    pub(crate) async fn prepare(&mut self, scene: &[u8]) {
+        self.scene = scene.to_vec();
         let scene = SceneRef {
-            path: path.to_owned(),
-            digest: None,
+            digest: digest_of(scene),
+            bytes: scene.len() as u64,
         };
         self.say(ToWorker::Prepare(Prepare { scene })).await;
     }
@@ -153,6 +195,10 @@ impl Peer {
         }))
         .await;
     }
+}
+
+pub(crate) fn digest_of(scene: &[u8]) -> String {
+    digest_text(blake3::hash(scene).as_bytes())
 }
 
 pub(crate) fn settings() -> Settings {
@@ -178,7 +224,7 @@ pub(crate) fn direct(group: u32, index: u32) -> Task {
     }
 }
 
-/// Loads any path but `missing`. Each pixel takes the given time and shines as bright as its group.
+/// Takes any bytes but `broken` for a scene. Each pixel takes the given time and shines as bright as its group.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grey {
     pub(crate) pixel: Duration,
@@ -194,15 +240,13 @@ struct GreyFrame {
 pub(crate) const BREAKING: u32 = 3;
 
 impl Renderer for Grey {
-    fn load(&self, path: &Path) -> anyhow::Result<LoadedScene> {
-        if path.ends_with("missing") {
-            bail!("no such file");
+    fn load(&self, bytes: &[u8]) -> anyhow::Result<LoadedScene> {
+        if bytes == b"broken" {
+            bail!("no scene");
         }
         let (load, bvh) = (Duration::from_micros(7), Duration::from_micros(8));
         Ok(LoadedScene {
             scene: Arc::new(*self),
-            digest: None,
-            files: Vec::new(),
             load,
             bvh,
         })
