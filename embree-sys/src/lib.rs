@@ -57,6 +57,7 @@ mod packet;
 pub mod raw;
 mod ray;
 mod scene;
+mod vectors;
 
 pub use denormals::FlushDenormals;
 pub use device::{Device, DeviceConfig, Isa, PacketWidth};
@@ -65,3 +66,4 @@ pub use geometry::{COORDINATE_MAX, GeometryId, TriangleMesh};
 pub use packet::{HitPacket, LaneMask, Lanes, PacketSize, RayHitPacket, RayPacket};
 pub use ray::{Coherence, Hit, Ray};
 pub use scene::{Bounds, BuildQuality, Scene, SceneBuilder};
+pub use vectors::with_wide_vectors;

@@ -18,7 +18,7 @@ use std::{
     time::Duration,
 };
 
-use embree4_sys::{Coherence, FlushDenormals, LaneMask, Lanes, PacketSize, RayPacket};
+use embree4_sys::{Coherence, FlushDenormals, LaneMask, Lanes, PacketSize, RayPacket, with_wide_vectors};
 use render::{
     gbuffer::{GBuffer, Vec3Lanes},
     intersect::TracedScene,
@@ -190,11 +190,13 @@ fn trace<const N: usize>(work: &Work, packets: &mut Packets<N>, coherence: Coher
 where
     Lanes<N>: PacketSize,
 {
-    for (valid, packet) in packets {
-        packet.tfar = [1.0; N];
-        work.scene.accelerated().occluded(valid, packet, coherence);
-        black_box(packet.tfar);
-    }
+    with_wide_vectors(|| {
+        for (valid, packet) in packets {
+            packet.tfar = [1.0; N];
+            work.scene.accelerated().occluded(valid, packet, coherence);
+            black_box(packet.tfar);
+        }
+    });
 }
 
 fn near_pixels_to_one_vpl<const N: usize>(work: &Work) -> Packets<N> {

@@ -12,7 +12,7 @@ use crate::{
         sobol::{fold_seed, hash},
     },
     settings::{LightPoints, Settings},
-    vpl::{Gather, GeometryBound, Vpl, connect, visible_weights},
+    vpl::{Gather, GeometryBound, Vpl, aim, geometry_terms, trace},
 };
 
 /// Sets the light samples' numbers apart from those of other purposes.
@@ -106,16 +106,15 @@ impl DirectPass {
                 emitted[lane] = light.radiance_over_pdf / std::f32::consts::PI;
                 [packet.org_x[lane], packet.org_y[lane], packet.org_z[lane]] = positions[lane].to_array();
             }
+            let facing = aim(&mut packet, points, index, |lane| {
+                (positions[lane], normals[lane])
+            });
+            let Some(seen) = trace(scene, &mut packet, facing, &mut rays) else {
+                continue;
+            };
             let unbounded = GeometryBound::new(None);
-            let weights = connect(
-                &mut packet,
-                points,
-                index,
-                |lane| (positions[lane], normals[lane]),
-                unbounded,
-            );
-            let visible = visible_weights(scene, &mut packet, weights, &mut rays);
-            for (lane, weight) in visible.into_iter().enumerate().take(pixels.len()) {
+            let terms = geometry_terms(&packet, points, index, |lane| normals[lane], unbounded, seen);
+            for (lane, weight) in terms.into_iter().enumerate().take(pixels.len()) {
                 let light = weight * emitted[lane];
                 radiance.x[index * N + lane] += light.x;
                 radiance.y[index * N + lane] += light.y;

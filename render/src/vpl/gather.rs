@@ -44,45 +44,45 @@ impl<'a> Gather<'a> {
     /// Adds the light of all VPLs to `radiance`, one lane per point: radiance per unit albedo,
     /// W·m⁻²·sr⁻¹. Returns the number of shadow rays.
     pub fn add(&self, points: &GBuffer, vpls: &[Vpl], radiance: &mut Vec3Lanes) -> u64 {
-        match self.scene.packet_width() {
+        embree::with_wide_vectors(|| match self.scene.packet_width() {
             embree::PacketWidth::W4 => self.add_by::<4>(points, vpls, radiance),
             embree::PacketWidth::W8 => self.add_by::<8>(points, vpls, radiance),
             embree::PacketWidth::W16 => self.add_by::<16>(points, vpls, radiance),
-        }
+        })
     }
 
     /// Number of pairs of a VPL and a point that see each other: the rays of [`Gather::add`] without
     /// its light.
     pub fn count_visible(&self, points: &GBuffer, vpls: &[Vpl]) -> u64 {
-        match self.scene.packet_width() {
+        embree::with_wide_vectors(|| match self.scene.packet_width() {
             embree::PacketWidth::W4 => self.count_visible_by::<4>(points, vpls),
             embree::PacketWidth::W8 => self.count_visible_by::<8>(points, vpls),
             embree::PacketWidth::W16 => self.count_visible_by::<16>(points, vpls),
-        }
+        })
     }
 
+    #[inline(always)]
     fn count_visible_by<const N: usize>(&self, points: &GBuffer, vpls: &[Vpl]) -> u64
     where
         embree::Lanes<N>: embree::PacketSize,
     {
-        let (mut visible, mut rays) = (0, 0);
+        let mut visible = [0_u32; N];
+        let mut rays = 0;
         for vpl in vpls {
             let mut packet = rays_from::<N>(vpl.position);
             for index in 0..points.len.div_ceil(N) {
-                let weights = connect(
-                    &mut packet,
-                    points,
-                    index,
-                    |_| (vpl.position, vpl.normal),
-                    self.bound,
-                );
-                let weights = visible_weights(self.scene, &mut packet, weights, &mut rays);
-                visible += weights.iter().filter(|&&weight| weight > 0.0).count() as u64;
+                let facing = aim(&mut packet, points, index, |_| (vpl.position, vpl.normal));
+                if let Some(seen) = trace(self.scene, &mut packet, facing, &mut rays) {
+                    for lane in 0..N {
+                        visible[lane] += u32::from(seen[lane] > 0.0);
+                    }
+                }
             }
         }
-        visible
+        visible.into_iter().map(u64::from).sum()
     }
 
+    #[inline(always)]
     fn add_by<const N: usize>(&self, points: &GBuffer, vpls: &[Vpl], radiance: &mut Vec3Lanes) -> u64
     where
         embree::Lanes<N>: embree::PacketSize,
@@ -94,17 +94,14 @@ impl<'a> Gather<'a> {
             let [r, g, b] = (vpl.intensity / std::f32::consts::PI).to_array();
             let mut packet = rays_from::<N>(vpl.position);
             for index in 0..packets {
-                let weights = connect(
-                    &mut packet,
-                    points,
-                    index,
-                    |_| (vpl.position, vpl.normal),
-                    self.bound,
-                );
-                let visible = visible_weights(self.scene, &mut packet, weights, &mut rays);
-                add_scaled(&mut radiance.x, index, &visible, r);
-                add_scaled(&mut radiance.y, index, &visible, g);
-                add_scaled(&mut radiance.z, index, &visible, b);
+                let facing = aim(&mut packet, points, index, |_| (vpl.position, vpl.normal));
+                let Some(seen) = trace(self.scene, &mut packet, facing, &mut rays) else {
+                    continue;
+                };
+                let terms = geometry_terms(&packet, points, index, |_| vpl.normal, self.bound, seen);
+                add_scaled(&mut radiance.x, index, &terms, r);
+                add_scaled(&mut radiance.y, index, &terms, g);
+                add_scaled(&mut radiance.z, index, &terms, b);
             }
         }
         rays
@@ -118,20 +115,19 @@ fn rays_from<const N: usize>(origin: Vec3) -> embree::RayPacket<N> {
     packet
 }
 
-/// Points the rays of a packet from the lights at the points of packet `index`, and returns the
-/// geometry term of each pair; zero where light or point turns away.
+/// Points the rays of a packet from the lights at the points of packet `index`. A lane of the result is
+/// positive where light and point face each other.
 #[inline(always)]
-pub(crate) fn connect<const N: usize>(
+pub(crate) fn aim<const N: usize>(
     packet: &mut embree::RayPacket<N>,
     points: &GBuffer,
     index: usize,
     light: impl Fn(usize) -> (Vec3, Vec3),
-    bound: GeometryBound,
 ) -> [f32; N] {
     let [px, py, pz] = points.position.packet::<N>(index);
     let [sx, sy, sz] = points.shading_normal.packet::<N>(index);
     let [gx, gy, gz] = points.geometric_normal.packet::<N>(index);
-    let mut terms = [0.0; N];
+    let mut facing = [0.0; N];
     for lane in 0..N {
         let (position, normal) = light(lane);
         let (dx, dy, dz) = (
@@ -139,48 +135,77 @@ pub(crate) fn connect<const N: usize>(
             py[lane] - position.y,
             pz[lane] - position.z,
         );
-        let squared = dx * dx + dy * dy + dz * dz;
         let at_light = dx * normal.x + dy * normal.y + dz * normal.z;
         let shading = -(dx * sx[lane] + dy * sy[lane] + dz * sz[lane]);
         let geometric = -(dx * gx[lane] + dy * gy[lane] + dz * gz[lane]);
-        // Both cosines carry a factor of the distance.
-        let term = (at_light * shading / (squared * squared)).min(bound.0);
         // The smallest decides, without a branch.
-        let facing = at_light.min(shading).min(geometric);
-        terms[lane] = if facing > 0.0 { term } else { 0.0 };
+        facing[lane] = smaller(smaller(at_light, shading), geometric);
         packet.dir_x[lane] = dx;
         packet.dir_y[lane] = dy;
         packet.dir_z[lane] = dz;
         packet.tfar[lane] = 1.0;
     }
-    terms
+    facing
 }
 
-/// Keeps the weights whose rays reach their point; only rays with weight are traced.
+/// Traces the rays of the lanes that face each other; `None` if there are none. A lane of the result is
+/// positive where the ray reaches its point.
 #[inline(always)]
-pub(crate) fn visible_weights<const N: usize>(
+pub(crate) fn trace<const N: usize>(
     scene: &TracedScene,
     packet: &mut embree::RayPacket<N>,
-    mut weights: [f32; N],
+    facing: [f32; N],
     rays: &mut u64,
-) -> [f32; N]
+) -> Option<[f32; N]>
 where
     embree::Lanes<N>: embree::PacketSize,
 {
-    let valid = embree::LaneMask::from_lanes(weights.map(|weight| weight > 0.0));
-    let count = valid.count();
-    if count == 0 {
-        return weights;
+    let faces = facing.map(|facing| facing > 0.0);
+    if !faces.iter().fold(false, |any, faces| any | faces) {
+        return None;
     }
-    *rays += u64::from(count);
+    let valid = embree::LaneMask::from_lanes(faces);
+    *rays += u64::from(valid.count());
     scene
         .accelerated()
         .occluded(&valid, packet, embree::Coherence::Incoherent);
-    for (weight, end) in weights.iter_mut().zip(packet.tfar) {
+    let mut seen = facing;
+    for (seen, end) in seen.iter_mut().zip(packet.tfar) {
         // Embree marks an occluded ray by a negative end.
-        *weight = if end < 0.0 { 0.0 } else { *weight };
+        *seen = smaller(*seen, end);
     }
-    weights
+    Some(seen)
+}
+
+/// The geometry term of each lane that is `seen`, and zero for the others.
+#[inline(always)]
+pub(crate) fn geometry_terms<const N: usize>(
+    packet: &embree::RayPacket<N>,
+    points: &GBuffer,
+    index: usize,
+    light_normal: impl Fn(usize) -> Vec3,
+    bound: GeometryBound,
+    seen: [f32; N],
+) -> [f32; N] {
+    let [sx, sy, sz] = points.shading_normal.packet::<N>(index);
+    let mut terms = [0.0; N];
+    for lane in 0..N {
+        let normal = light_normal(lane);
+        let (dx, dy, dz) = (packet.dir_x[lane], packet.dir_y[lane], packet.dir_z[lane]);
+        let squared = dx * dx + dy * dy + dz * dz;
+        let at_light = dx * normal.x + dy * normal.y + dz * normal.z;
+        let shading = -(dx * sx[lane] + dy * sy[lane] + dz * sz[lane]);
+        // Both cosines carry a factor of the distance.
+        let term = smaller(at_light * shading / (squared * squared), bound.0);
+        terms[lane] = if seen[lane] > 0.0 { term } else { 0.0 };
+    }
+    terms
+}
+
+/// One instruction, where `f32::min` would look for NaNs first.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 #[inline(always)]

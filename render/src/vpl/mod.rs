@@ -7,7 +7,7 @@ mod trace;
 mod view;
 
 pub use gather::{Gather, GeometryBound};
-pub(crate) use gather::{connect, visible_weights};
+pub(crate) use gather::{aim, geometry_terms, trace};
 pub use trace::trace_sets;
 
 use glam::Vec3;
