@@ -30,6 +30,19 @@ pub fn pool() -> Result<ThreadPool, ThreadPoolBuildError> {
         .build()
 }
 
+/// Starts threads on all cores, wherever the system puts them.
+pub fn unbound(are_urgent: bool) -> Result<ThreadPool, ThreadPoolBuildError> {
+    ThreadPoolBuilder::new()
+        .num_threads(allowed().len())
+        .thread_name(|index| format!("prepare {index}"))
+        .start_handler(move |_| {
+            if are_urgent {
+                go_first();
+            }
+        })
+        .build()
+}
+
 /// Puts this thread, and those that it starts, before others. Only the superuser may, or who was given
 /// the right (`RLIMIT_NICE`); nobody else can be helped.
 pub fn go_first() {

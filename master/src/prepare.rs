@@ -32,6 +32,16 @@ pub enum Ready {
     Aovs(Arc<Aovs>),
 }
 
+impl Ready {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Loaded(_) => "the scene is in memory",
+            Self::Traceable(_) => "tasks can be handed out",
+            Self::Aovs(_) => "the first surfaces are known",
+        }
+    }
+}
+
 /// A scene in memory.
 #[derive(Debug)]
 pub struct Loaded {
@@ -68,21 +78,28 @@ pub fn start(job: &Job, clock: Clock) -> mpsc::UnboundedReceiver<Result<Ready, F
     let (sender, receiver) = mpsc::unbounded_channel();
     let job = job.clone();
     thread::spawn(move || {
-        let steps = sender.clone();
-        if job.deadline.is_some() {
-            // Without a scene and what the eye sees first there is no picture at all.
+        // If nobody listens any more the program is ending.
+        let tell = |ready: Result<Ready, Failure>| drop(sender.send(ready));
+        let told = |ready: Ready| {
+            tracing::debug!(at = %clock.now(), "{}", ready.name());
+            tell(Ok(ready));
+        };
+        // Without a scene and what the eye sees first there is no picture at all.
+        let is_urgent = job.deadline.is_some();
+        if is_urgent {
+            // The process has ended when this thread has, too.
             cores::go_first();
         }
-        // If nobody listens any more the program is ending.
-        let tell = |ready| drop(steps.send(Ok(ready)));
-        if let Err(failure) = prepare(&job, clock, tell) {
-            let _ = sender.send(Err(failure));
+        let threads = cores::unbound(is_urgent).or_exit(Exit::Unforeseen);
+        let prepared = threads.and_then(|threads| threads.install(|| prepare(&job, clock, told)));
+        if let Err(failure) = prepared {
+            tell(Err(failure));
         }
     });
     receiver
 }
 
-fn prepare(job: &Job, clock: Clock, tell: impl Fn(Ready)) -> Result<(), Failure> {
+fn prepare(job: &Job, clock: Clock, tell: impl Fn(Ready) + Sync) -> Result<(), Failure> {
     let options = LoadOptions {
         scenes_dir: job.scenes_dir.clone(),
     };

@@ -7,12 +7,12 @@ use std::{path::Path, sync::Arc, time::Duration};
 
 use rayon::ThreadPool;
 use render::{
-    buffer::FrameBuffers, gbuffer::Aovs, pixel_group::PixelGroups, reconstruct::Reconstruction,
-    scene::ImageSize, settings::Settings,
+    buffer::FrameBuffers, gbuffer::Aovs, image::Picture, pixel_group::PixelGroups,
+    reconstruct::Reconstruction, scene::ImageSize, settings::Settings,
 };
 
 use crate::{
-    clock::Clock,
+    clock::{self, Clock},
     cpu_share::CpuTime,
     deadline::{FinishWork, Rehearsed},
     deliver::PictureFiles,
@@ -39,7 +39,7 @@ const LIGHT: f32 = 0.5;
 /// Freeing a mebibyte of a file that is replaced, on an ordinary machine.
 const FREE_PER_MIB: Duration = Duration::from_micros(400);
 /// Tearing down a process, at least.
-const LEAVE_MIN: Duration = Duration::from_millis(6);
+const LEAVE_MIN: Duration = Duration::from_millis(8);
 /// Tearing down the memory that is left, for each pixel.
 const LEAVE_PER_PIXEL: Duration = Duration::from_nanos(15);
 
@@ -78,44 +78,53 @@ impl Rehearsal {
     /// Plays the finish phase through on these threads.
     pub fn play(&self, threads: &ThreadPool) -> Result<Rehearsed, Failure> {
         let mut material = self.material();
-        let before = used(threads);
-        let work = threads.install(|| self.finish(&mut material))?;
-        let after = used(threads);
-        let share = after.since(before).share();
-        // What others took of the cores meanwhile is not our work.
+        // Processor time, since what others take of the cores meanwhile is not our work.
+        let before = processor_time(threads);
+        let picture = threads.install(|| material.reconstruct());
+        let assemble = processor_time(threads).saturating_sub(before) / threads.current_num_threads() as u32;
+        let (encode, share) = threads.install(|| self.encode(&picture))?;
         Ok(Rehearsed {
             work: FinishWork {
-                assemble: work.assemble.mul_f64(share),
-                encode: work.encode.mul_f64(share),
-                ..work
+                pixels: self.settings.size.pixel_count(),
+                assemble,
+                encode,
             },
             share,
         })
     }
 
-    fn finish(&self, material: &mut Material) -> Result<FinishWork, Failure> {
-        let (picture, assemble) = self.clock.time(|| material.reconstruct());
+    /// Encodes both files side by side. Says how long that takes on free cores, and the share of a core
+    /// that there was for it.
+    fn encode(&self, picture: &Picture) -> Result<(Duration, f64), Failure> {
         // The program may end while this goes on: no name, no debris.
         let nameless = || self.files.nameless().or_exit(Exit::Output);
         let mut exr = self.files.exr.as_ref().map(|_| nameless()).transpose()?;
         let mut png = self.files.png.as_ref().map(|_| nameless()).transpose()?;
         let encode_exr = || {
             exr.as_mut()
-                .map(|out| finish::encode_exr(&picture, &[], out))
-                .transpose()
+                .map_or(Ok(()), |out| finish::encode_exr(picture, &[], out))
         };
         let encode_png = || {
             png.as_mut()
-                .map(|out| finish::encode_png(&picture, 0.0, out))
-                .transpose()
+                .map_or(Ok(()), |out| finish::encode_png(picture, 0.0, out))
         };
-        let ((exr, png), encode) = self.clock.time(|| rayon::join(encode_exr, encode_png));
+        let ((exr, exr_time), (png, png_time)) =
+            rayon::join(|| self.count(encode_exr), || self.count(encode_png));
         exr.and(png).or_exit(Exit::Output)?;
-        Ok(FinishWork {
-            pixels: self.settings.size.pixel_count(),
-            assemble,
-            encode,
-        })
+        let alone = if rayon::current_num_threads() > 1 {
+            exr_time.ran.max(png_time.ran)
+        } else {
+            exr_time.ran + png_time.ran
+        };
+        Ok((alone, [exr_time, png_time].into_iter().sum::<CpuTime>().share()))
+    }
+
+    /// Does something without pause, and says how much of the time this thread was on a core.
+    fn count<T>(&self, work: impl FnOnce() -> T) -> (T, CpuTime) {
+        let begin = clock::thread_cpu_time();
+        let (result, wanted) = self.clock.time(work);
+        let ran = clock::thread_cpu_time().saturating_sub(begin);
+        (result, CpuTime { ran, wanted })
     }
 
     /// The tasks that come first, as if the cut-off had come then: sets of which half is there, one that
@@ -148,8 +157,8 @@ impl Rehearsal {
 }
 
 /// What the threads have used up to now.
-fn used(threads: &ThreadPool) -> CpuTime {
-    threads.broadcast(|_| CpuTime::of_this_thread()).into_iter().sum()
+fn processor_time(threads: &ThreadPool) -> Duration {
+    threads.broadcast(|_| clock::thread_cpu_time()).into_iter().sum()
 }
 
 /// As many pixels as the budget allows, in the same proportions.

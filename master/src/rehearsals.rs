@@ -5,7 +5,9 @@ use std::{sync::Arc, thread, time::Duration};
 use rayon::ThreadPool;
 use tokio::sync::mpsc;
 
-use crate::{clock::Clock, deadline::Rehearsed, frame_time::FrameTime, job::Job, rehearsal::Rehearsal};
+use crate::{
+    clock::Clock, cores, deadline::Rehearsed, frame_time::FrameTime, job::Job, rehearsal::Rehearsal,
+};
 
 /// Rehearsals in a frame, the one at the start not counted.
 const PER_FRAME: u32 = 5;
@@ -34,6 +36,8 @@ impl Rehearsals {
         if let Some(deadline) = job.deadline {
             let (job, threads) = (job.clone(), Arc::clone(threads));
             thread::spawn(move || {
+                // The process has ended when this thread has, too.
+                cores::go_first();
                 let rehearsal = Rehearsal::new(&job, deadline.elapsed(), clock);
                 while ordered.recv().is_ok() {
                     match clock.time(|| rehearsal.play(&threads)) {

@@ -5,7 +5,6 @@ use std::{
     io::{self, Read, Write},
     mem::ManuallyDrop,
     path::Path,
-    process,
 };
 
 use anyhow::Context as _;
@@ -29,7 +28,7 @@ use crate::{
 /// Does what the command line says and ends the process.
 ///
 /// The end is immediate: the deadline holds for whoever waits for this process, and tearing down what
-/// the operating system will tear down anyway would be paid out of it.
+/// the operating system will tear down anyway, Embree's threads and tables too, would be paid out of it.
 pub fn run(cli: &Cli) -> ! {
     let clock = Clock::new(process_age());
     let bars = MultiProgress::new();
@@ -50,7 +49,7 @@ pub fn run(cli: &Cli) -> ! {
         let _ = writeln!(io::stderr(), "error: {}", sentence(&failure.error));
         failure.exit
     });
-    process::exit(i32::from(exit as u8));
+    worker::exit::at_once(exit as u8)
 }
 
 /// An error with its causes, but for those that are quoted before.

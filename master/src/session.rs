@@ -121,7 +121,7 @@ impl Session {
         tokio::spawn(server::accept(listener, shared));
         tracing::info!(%address, "workers may connect");
 
-        let mut share = CpuShare::of_this_process();
+        let mut share = CpuShare::default();
         let mut local = Local {
             start: Start {
                 master: address,
@@ -164,6 +164,10 @@ impl Session {
     ) -> Result<Delivered, Failure> {
         while !(self.frame.is_closed() && self.prepared.aovs.is_some()) {
             self.step(progress).await?;
+        }
+        if self.setting.job.deadline.is_some() {
+            // This thread has the last word: it may not wait behind other programs.
+            cores::go_first();
         }
         let finished = self.finish(staged)?;
         let finished = self.wait_for(finished).await?;

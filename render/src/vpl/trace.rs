@@ -30,7 +30,7 @@ use crate::{
 const PATHS_PER_VPL: u32 = 64;
 /// Most paths in all, a second of two cores in a bright hall of 100,000 triangles, as long as each VPL
 /// has one at least.
-const PATHS_MAX: u32 = 1 << 18;
+const PATHS_MAX: u32 = 1 << 16;
 /// Paths that one thread traces in one go.
 const PATHS_PER_RUN: usize = 256;
 /// A path that has not ended after this many vertices is cut; at a survival of 0.95 one in 10²² gets here.
