@@ -21,6 +21,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<ImageRgb, Faul
         check_size(header.layer_size.x(), header.layer_size.y())?;
     }
     let (part, channels) = find(&meta.headers, layer)?;
+    check_offset(&meta.headers[part])?;
 
     let image = read()
         .no_deep_data()
@@ -33,6 +34,22 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<ImageRgb, Faul
     let part = image.layer_data.get(part);
     part.and_then(|part| rgb(part, &channels))
         .ok_or_else(|| Fault::damaged("its channels are subsampled or differ from what its header says"))
+}
+
+/// Refuses a part that begins elsewhere than the picture: its pixels would be compared with others.
+fn check_offset(header: &Header) -> Result<(), Fault> {
+    let whole = header.shared_attributes.display_window.position;
+    let part = header.own_attributes.layer_position;
+    // A damaged file may have any numbers here.
+    let (x, y) = (
+        part.x().saturating_sub(whole.x()),
+        part.y().saturating_sub(whole.y()),
+    );
+    if (x, y) == (0, 0) {
+        Ok(())
+    } else {
+        Err(Fault::Offset(x, y))
+    }
 }
 
 /// The first part that has all three channels, and their names in it.
@@ -56,8 +73,22 @@ fn find(headers: &[Header], layer: Option<&str>) -> Result<(usize, [String; 3]),
     let scattered = missing.is_empty();
     Err(Fault::Channels {
         missing: if scattered { wanted.into() } else { missing },
+        layers: layers(&present),
         present,
     })
+}
+
+/// The layers that have red, green and blue, by the full names of all channels.
+fn layers(present: &[String]) -> Vec<String> {
+    let reds = present.iter().filter_map(|name| name.strip_suffix('R'));
+    let prefixes = reds.filter(|prefix| prefix.is_empty() || prefix.ends_with('.'));
+    let whole = prefixes.filter(|prefix| {
+        let names = ["G", "B"].map(|channel| format!("{prefix}{channel}"));
+        names.iter().all(|name| present.contains(name))
+    });
+    whole
+        .map(|prefix| prefix.trim_end_matches('.').to_owned())
+        .collect()
 }
 
 /// What may stand before R, G and B in a part: the layer's name, or nothing in the layer's own part.
@@ -182,11 +213,27 @@ mod tests {
     #[test]
     fn a_missing_layer_is_named_together_with_those_that_exist() {
         let bytes = file(vec![part(None, &["B", "G", "R", "direct.R"])]);
-        let Err(Fault::Channels { missing, present }) = decode(&bytes, Some("direct")) else {
+        let Err(Fault::Channels {
+            missing,
+            layers,
+            present,
+        }) = decode(&bytes, Some("direct"))
+        else {
             panic!("direct.G and direct.B are missing");
         };
         assert_eq!(missing, ["direct.G", "direct.B"]);
+        assert_eq!(layers, [""]);
         assert_eq!(present, ["B", "G", "R", "direct.R"]);
+    }
+
+    #[test]
+    fn a_part_that_begins_elsewhere_than_the_picture_is_refused() {
+        let mut moved = part(None, &["B", "G", "R"]);
+        moved.attributes.layer_position = (1, 0).into();
+        assert!(matches!(
+            decode(&file(vec![moved]), None),
+            Err(Fault::Offset(1, 0))
+        ));
     }
 
     #[test]

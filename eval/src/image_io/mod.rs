@@ -55,16 +55,27 @@ pub enum ReadError {
         /// Rows.
         height: usize,
     },
-    /// The layer is not there, or not all of its red, green and blue.
+    /// The pixels do not begin where the picture does, so that no pixel has its own place.
     #[error(
-        "{} lacks {}; it has {}: choose a layer with R, G and B by --layer, or none",
-        path.display(), missing.join(", "), present.join(", ")
+        "{} begins at column {}, row {} of its display window: cut or fill it to the whole picture, as by \
+         `oiiotool IN --croptofull -o OUT`",
+        path.display(), offset.0, offset.1
     )]
+    Offset {
+        /// The file.
+        path: PathBuf,
+        /// From the display window's corner to that of the data.
+        offset: (i32, i32),
+    },
+    /// The layer is not there, or not all of its red, green and blue.
+    #[error("{} lacks {}; {}", path.display(), missing.join(", "), choice(layers, present))]
     Channels {
         /// The file.
         path: PathBuf,
         /// Full names of the channels that were wanted in vain.
         missing: Vec<String>,
+        /// Layers that have all three, "" for the picture itself.
+        layers: Vec<String>,
         /// Full names of all channels.
         present: Vec<String>,
     },
@@ -84,8 +95,10 @@ pub enum ReadError {
 enum Fault {
     Damaged(String),
     TooLarge(usize, usize),
+    Offset(i32, i32),
     Channels {
         missing: Vec<String>,
+        layers: Vec<String>,
         present: Vec<String>,
     },
 }
@@ -121,13 +134,32 @@ pub fn read(path: &Path, layer: Option<&str>) -> Result<ImageRgb, ReadError> {
         match fault {
             Fault::Damaged(reason) => ReadError::Damaged { path, format, reason },
             Fault::TooLarge(width, height) => ReadError::TooLarge { path, width, height },
-            Fault::Channels { missing, present } => ReadError::Channels {
+            Fault::Offset(x, y) => ReadError::Offset { path, offset: (x, y) },
+            Fault::Channels {
+                missing,
+                layers,
+                present,
+            } => ReadError::Channels {
                 path,
                 missing,
+                layers,
                 present,
             },
         }
     })
+}
+
+/// What can be compared instead of a layer that is not there.
+fn choice(layers: &[String], present: &[String]) -> String {
+    if layers.is_empty() {
+        return format!("it has {}, and no layer with R, G and B", present.join(", "));
+    }
+    let flag = |layer: &String| match layer.as_str() {
+        "" => "no --layer for the picture itself".to_owned(),
+        layer => format!("--layer {layer}"),
+    };
+    let flags: Vec<String> = layers.iter().map(flag).collect();
+    format!("it can be compared with {}", flags.join(", "))
 }
 
 type Decode = fn(&[u8], Option<&str>) -> Result<ImageRgb, Fault>;
