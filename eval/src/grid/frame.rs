@@ -19,7 +19,7 @@ use render::{
     reconstruct::{Reconstruction, assemble},
     scene::load::{LoadOptions, load},
     settings::{Algorithm, LightPoints, Settings},
-    task::Task,
+    task::{Component, Task},
     vpl::{VplSet, trace_sets},
 };
 
@@ -74,7 +74,20 @@ impl PreparedScene {
     /// # Errors
     /// If the settings are impossible.
     pub fn frame(&self, algorithm: Algorithm) -> anyhow::Result<VirtualFrame<'_>> {
-        self.frame_of(self.settings(algorithm))
+        self.frame_of(self.settings(algorithm), 1)
+    }
+
+    /// A frame whose passes of direct light take the mean over so many points of the lights, which are
+    /// spread over all of them by power; each pass is still one task per group.
+    ///
+    /// # Errors
+    /// If the settings are impossible.
+    pub fn frame_with_points_per_pass(
+        &self,
+        algorithm: Algorithm,
+        points: u32,
+    ) -> anyhow::Result<VirtualFrame<'_>> {
+        self.frame_of(self.settings(algorithm), points)
     }
 
     /// A frame whose direct light is sampled at other points for each pixel, which the paper's is not.
@@ -82,17 +95,23 @@ impl PreparedScene {
     /// # Errors
     /// If the settings are impossible.
     pub fn frame_with_points_per_pixel(&self, algorithm: Algorithm) -> anyhow::Result<VirtualFrame<'_>> {
-        self.frame_of(Settings {
+        let settings = Settings {
             light_points: LightPoints::PerPixel,
             ..self.settings(algorithm)
-        })
+        };
+        self.frame_of(settings, 1)
     }
 
-    fn frame_of(&self, settings: Settings) -> anyhow::Result<VirtualFrame<'_>> {
+    fn frame_of(&self, settings: Settings, points_per_pass: u32) -> anyhow::Result<VirtualFrame<'_>> {
         let mut queues = TaskQueues::new(&settings);
         let order: Vec<Task> = std::iter::from_fn(|| queues.next_task()).collect();
+        let rendered = Settings {
+            spp: settings.spp * points_per_pass,
+            ..settings
+        };
         Ok(VirtualFrame {
-            renderer: FrameRenderer::new(Arc::clone(&self.scene), settings, self.vpl_sets.clone())?,
+            renderer: FrameRenderer::new(Arc::clone(&self.scene), rendered, self.vpl_sets.clone())?,
+            points_per_pass,
             groups: Arc::new(PixelGroups::new(&settings)),
             places: order
                 .iter()
@@ -113,6 +132,7 @@ pub struct VirtualFrame<'a> {
     scene: &'a PreparedScene,
     settings: Settings,
     renderer: FrameRenderer,
+    points_per_pass: u32,
     groups: Arc<PixelGroups>,
     /// All tasks, as they are handed out.
     order: Vec<Task>,
@@ -171,10 +191,34 @@ impl VirtualFrame<'_> {
         if self.outputs[place].get().is_none() {
             let end = (place + BATCH).min(self.order.len());
             (place..end).into_par_iter().for_each(|place| {
-                self.outputs[place].get_or_init(|| self.renderer.render(self.order[place], &mut || false));
+                self.outputs[place].get_or_init(|| self.render(self.order[place]));
             });
         }
-        self.outputs[place].get_or_init(|| self.renderer.render(task, &mut || false))
+        self.outputs[place].get_or_init(|| self.render(task))
+    }
+
+    /// A pass of several points is the mean over as many of the renderer's passes.
+    fn render(&self, task: Task) -> TaskOutput {
+        let count = match task.component {
+            Component::Direct => self.points_per_pass,
+            _ => 1,
+        };
+        let pass = |point| Task {
+            index: task.index * count + point,
+            ..task
+        };
+        let mut sum = self.renderer.render(pass(0), &mut || false);
+        for point in 1..count {
+            let output = self.renderer.render(pass(point), &mut || false);
+            sum.rays.shadow += output.rays.shadow;
+            sum.radiance
+                .iter_mut()
+                .zip(&output.radiance)
+                .for_each(|(sum, value)| *sum += value);
+        }
+        let share = 1.0 / count as f32;
+        sum.radiance.iter_mut().for_each(|value| *value *= share);
+        sum
     }
 }
 

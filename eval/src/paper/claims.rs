@@ -65,6 +65,9 @@ const CLOSE: f64 = 1.25;
 /// the shortest.
 const CONVERGED: f64 = 0.5;
 
+/// Two times are almost the same if they differ by at most this share.
+const ALMOST: f64 = 0.1;
+
 impl Claim {
     /// In words.
     pub fn text(self) -> &'static str {
@@ -102,6 +105,16 @@ impl Claim {
         }
     }
 
+    /// Weighs the claim by VDP with slope 1.0 and the paper's counts in a variation, by its place.
+    pub fn weigh_variation(self, scenes: &[SceneResult], place: usize) -> Option<Verdict> {
+        let of = |scene: &'_ SceneResult| Some(scene.variations.get(place)?.vdp.clone());
+        let errors = scenes
+            .iter()
+            .filter_map(|scene| Some((scene.scene.name.as_str(), of(scene)?)))
+            .filter(|(_, errors)| !errors.is_empty());
+        self.weigh_errors(&errors.collect(), VDP)
+    }
+
     /// `errors` of both algorithms by scene and ascending deadline.
     fn weigh_errors(self, errors: &BTreeMap<&str, Vec<[f64; 2]>>, metric: usize) -> Option<Verdict> {
         let gap = |[component, straightforward]: [f64; 2]| straightforward - component;
@@ -134,6 +147,44 @@ impl Claim {
             Self::FaultsAreClose => None,
         }
     }
+}
+
+/// "The component-based approach … is less dependent on image reconstruction techniques" (section 5).
+pub fn less_reconstruction(scenes: &[SceneResult], source: Source) -> Option<Verdict> {
+    let mean = |[direct, indirect]: [f64; 2]| f64::midpoint(direct, indirect);
+    let of = |attempts: &[Attempt; 2]| {
+        let [component, straightforward] = attempts;
+        mean(component.reconstructed_percent) < straightforward.reconstructed_percent[0]
+    };
+    let holds = |row: &RowResult| match source {
+        Source::Paper => {
+            let Row {
+                direct_percent,
+                indirect_percent,
+                straightforward_percent,
+                ..
+            } = row.published;
+            mean([direct_percent, indirect_percent]) < straightforward_percent
+        }
+        Source::Grid => of(&row.grid),
+        Source::Counts => of(&row.counts),
+    };
+    share(scenes.iter().flat_map(|scene| &scene.rows).map(holds))
+}
+
+/// "The time needed for generating the gold standard images for both approaches was almost the same"
+/// (section 4.1), on the virtual grid.
+pub fn equal_times(scenes: &[SceneResult]) -> Option<Verdict> {
+    let ratio = |scene: &SceneResult| {
+        let [component, straightforward] = scene.full_workload.map(|time| time.as_secs_f64());
+        component / straightforward
+    };
+    let ratios: Vec<f64> = scenes.iter().map(ratio).collect();
+    let texts: Vec<String> = ratios.iter().map(|ratio| format!("{ratio:.2}")).collect();
+    (!ratios.is_empty()).then(|| Verdict {
+        holds: ratios.iter().all(|ratio| (ratio - 1.0).abs() <= ALMOST),
+        figure: format!("{} times", texts.join(", ")),
+    })
 }
 
 /// Errors of both algorithms in each row.

@@ -13,6 +13,7 @@ use render::scene::ImageSize;
 use super::{
     document::Document,
     experiment::{Plan, SceneResult, run_scene},
+    realtime::measured::Measured,
     report::{Circumstances, report},
 };
 use crate::grid::{
@@ -81,6 +82,8 @@ pub fn run(args: &PaperArgs) -> anyhow::Result<String> {
         results.push(run_scene(&plan, scene, &file, &scenes_dir, &step)?);
     }
     let size = plan.parameters.size();
+    let out = args.out.clone().unwrap_or_else(|| default_out(args.quick));
+    let realtime = Measured::load(&out)?;
     let document = report(
         &results,
         &Circumstances {
@@ -91,9 +94,9 @@ pub fn run(args: &PaperArgs) -> anyhow::Result<String> {
             },
             size: (size.width, size.height),
             missing: &missing,
+            realtime: realtime.as_ref(),
         },
     )?;
-    let out = args.out.clone().unwrap_or_else(|| default_out(args.quick));
     write(&document, &out).with_context(|| format!("cannot write to {}", out.display()))?;
     Ok(out.join("paper.html").display().to_string())
 }

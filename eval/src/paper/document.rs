@@ -26,6 +26,13 @@ pub enum Block {
     Table(Table),
     /// Pictures side by side, as far as there is room.
     Figures(Vec<Figure>),
+    /// Blocks that [`replace_part`] finds again in the finished page.
+    Part {
+        /// Letters.
+        name: &'static str,
+        /// From top to bottom.
+        blocks: Vec<Block>,
+    },
 }
 
 /// A table.
@@ -52,16 +59,19 @@ pub struct Figure {
 
 const CSS: &str = "\
 body{font:16px/1.5 system-ui,sans-serif;color:#1a1a1a;background:#fff;max-width:64rem;margin:0 auto;padding:1rem}\
-h1{line-height:1.2}h2{margin-top:2.2rem;border-bottom:1px solid #ccc}\
+h1{line-height:1.2}h2{margin-top:2.2rem;border-bottom:1px solid #ccc;break-after:avoid}\
 .table{overflow-x:auto;margin:1rem 0}table{border-collapse:collapse;font-size:.85rem;font-variant-numeric:tabular-nums}\
-caption{text-align:left;font-weight:600;padding:.3rem 0}\
+caption{text-align:left;font-weight:600;padding:.3rem 0;break-after:avoid}\
 th,td{border:1px solid #ccc;padding:.25rem .5rem;text-align:left;vertical-align:top}thead th{background:#f0f0f0}\
+tbody th{position:sticky;left:0;background:#fff;max-width:14rem}\
 .yes{background:#e3f2dc}.no{background:#fbe0d8}\
+@media (max-width:40rem){table{font-size:.75rem}tbody th{max-width:7.5rem}}\
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(18rem,100%),1fr));gap:1rem;margin:1rem 0}\
 figure{margin:0;break-inside:avoid}figure img{width:100%;height:auto;display:block}figcaption{font-size:.85rem}\
 code{background:#f3f3f3;padding:0 .2em;overflow-wrap:anywhere}\
-@media print{body{font-size:10pt;max-width:none}.table{overflow:visible}table{font-size:7.5pt}thead{display:table-header-group}tr{break-inside:avoid}\
-.figures{grid-template-columns:repeat(3,1fr)}}";
+@media print{@page{margin:11mm}body{font-size:10pt;max-width:none;padding:0;print-color-adjust:exact}\
+.table{overflow:visible}table{font-size:7pt}th,td{padding:1pt 3pt}tbody th{position:static;max-width:none}\
+thead{display:table-header-group}tr{break-inside:avoid}.figures{grid-template-columns:repeat(3,1fr)}}";
 
 impl Document {
     /// One page that needs no other file.
@@ -87,12 +97,38 @@ impl Document {
     }
 
     /// All figures.
-    pub fn figures(&self) -> impl Iterator<Item = &Figure> {
-        self.blocks.iter().flat_map(|block| match block {
-            Block::Figures(figures) => figures.as_slice(),
-            _ => &[],
-        })
+    pub fn figures(&self) -> Vec<&Figure> {
+        figures_of(&self.blocks)
     }
+}
+
+fn figures_of(blocks: &[Block]) -> Vec<&Figure> {
+    let figures = blocks.iter().map(|block| match block {
+        Block::Figures(figures) => figures.iter().collect(),
+        Block::Part { blocks, .. } => figures_of(blocks),
+        _ => Vec::new(),
+    });
+    figures.flatten().collect()
+}
+
+/// A page or Markdown with a part as it is in another one; `None` if one of the two does not have it.
+pub fn replace_part(page: &str, name: &str, other: &str) -> Option<String> {
+    let (_, part, _) = split_part(other, name)?;
+    let (before, _, after) = split_part(page, name)?;
+    Some([before, part, after].concat())
+}
+
+/// What is before a part, the part with its marks, and what is after it.
+fn split_part<'a>(page: &'a str, name: &str) -> Option<(&'a str, &'a str, &'a str)> {
+    let [begin, end] = part_marks(name);
+    let start = page.find(&begin)?;
+    let stop = page[start..].find(&end)? + start + end.len();
+    Some((&page[..start], &page[start..stop], &page[stop..]))
+}
+
+/// Comments around a part, in HTML as well as in Markdown.
+fn part_marks(name: &str) -> [String; 2] {
+    ["begin", "end"].map(|end| format!("<!-- {end} {name} -->"))
 }
 
 fn html_block(block: &Block) -> String {
@@ -108,7 +144,14 @@ fn html_block(block: &Block) -> String {
             let figures: String = figures.iter().map(html_figure).collect();
             format!("<div class=\"figures\">{figures}</div>")
         }
+        Block::Part { name, blocks } => marked(name, blocks.iter().map(html_block), "\n"),
     }
+}
+
+fn marked(name: &str, blocks: impl Iterator<Item = String>, gap: &str) -> String {
+    let [begin, end] = part_marks(name);
+    let lines: Vec<String> = [begin].into_iter().chain(blocks).chain([end]).collect();
+    lines.join(gap)
 }
 
 fn html_table(table: &Table) -> String {
@@ -187,6 +230,7 @@ fn markdown_block(block: &Block) -> String {
             let captions = row(&|figure| cell(&figure.caption));
             format!("{images}\n{rule}\n{captions}")
         }
+        Block::Part { name, blocks } => marked(name, blocks.iter().map(markdown_block), "\n\n"),
     }
 }
 

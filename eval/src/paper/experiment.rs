@@ -33,6 +33,14 @@ const FAULTS: (&str, u32) = ("Conference Room", 10);
 /// Machines at the two ends of the runs of section 4.2.
 const FAULT_MACHINES: [u32; 2] = [14, 24];
 
+/// More than the sums of two algorithms differ in f32, and less than a shadow ray.
+const ROUNDING: f32 = 1e-5;
+/// Points of the lights in each pass of the variation that spreads them over all lamps: the Conference
+/// Room has 24, and a Sobol sequence is even over powers of two.
+const POINTS_PER_PASS: u32 = 32;
+
+/// The variation in which each pass of direct light sees all lamps.
+pub const ALL_LAMPS: &str = "32 light points on all lamps in each pass";
 /// The variation in which the component-based algorithm has done all direct tasks.
 pub const ALL_DIRECT: &str = "all direct tasks of component-based";
 /// The variation in which the component-based algorithm has done all indirect tasks.
@@ -133,6 +141,10 @@ pub struct FaultRun {
     pub attempt: Attempt,
     /// How it went.
     pub run: Run,
+    /// VDP(P > 75 %), slope 1.0, percent, if all direct tasks had been done.
+    pub all_direct_vdp: f64,
+    /// VDP(P > 75 %), slope 1.0, percent, if each pass of direct light saw all lamps.
+    pub all_lamps_vdp: f64,
 }
 
 /// VDP in each row with the paper's numbers of tasks, when one thing is different.
@@ -151,8 +163,9 @@ pub struct SceneResult {
     pub scene: SceneParameters,
     /// The picture without a deadline.
     pub gold: Shown,
-    /// Largest difference between the two algorithms' gold pictures, as linear light.
-    pub gold_difference: f32,
+    /// Largest difference between the two algorithms' gold pictures, as linear light, and the pixels
+    /// that differ by more than rounding.
+    pub gold_difference: (f32, usize),
     /// Simulated time of the full workload for each algorithm.
     pub full_workload: [Duration; 2],
     /// Rows of the tables.
@@ -200,7 +213,15 @@ pub fn run_scene(
         .map(|&row| laboratory.row(row))
         .collect::<anyhow::Result<Vec<_>>>()?;
     tell("what would be if one thing were different");
-    let variations = variations(&prepared, &laboratory, &published)?;
+    let all_lamps =
+        laboratory
+            .with([0, 1].map(|algorithm| {
+                prepared.frame_with_points_per_pass(ALGORITHMS[algorithm], POINTS_PER_PASS)
+            }))?;
+    let per_pixel = laboratory
+        .with([0, 1].map(|algorithm| prepared.frame_with_points_per_pixel(ALGORITHMS[algorithm])))?;
+    let variations = variations(&laboratory, &all_lamps, &per_pixel, &published)?;
+    drop(per_pixel);
     tell("the error over the deadline");
     let curve = laboratory.curve(&rows)?;
     let faults = if rows
@@ -208,14 +229,14 @@ pub fn run_scene(
         .any(|row| (row.published.scene, row.published.deadline_s) == FAULTS)
     {
         tell("the runs with machines that come and go");
-        laboratory.faults()?
+        laboratory.faults(&all_lamps)?
     } else {
         Vec::new()
     };
     Ok(SceneResult {
         scene: scene.clone(),
         gold: laboratory.shown(&gold),
-        gold_difference: largest_difference(&gold, &other_gold),
+        gold_difference: difference(&gold, &other_gold),
         full_workload: [0, 1].map(|algorithm| laboratory.full_workload(algorithm)),
         rows,
         variations,
@@ -226,28 +247,12 @@ pub fn run_scene(
 
 /// What the paper does not say, or what this renderer may do unlike theirs.
 fn variations(
-    prepared: &PreparedScene,
     laboratory: &Laboratory<'_>,
+    all_lamps: &Laboratory<'_>,
+    per_pixel: &Laboratory<'_>,
     rows: &[Row],
 ) -> anyhow::Result<Vec<Variation>> {
     let default = vdp::Viewing::default().distance;
-    let frames = ALGORITHMS.map(|algorithm| prepared.frame_with_points_per_pixel(algorithm));
-    let [component, straightforward] = frames;
-    let frames = [component?, straightforward?];
-    let per_pixel = Laboratory {
-        plan: laboratory.plan,
-        scene: laboratory.scene,
-        gold: linear(&frames[0].gold()?),
-        frames,
-    };
-    let all_direct: Tasks = |row| {
-        let [[_, indirect], straightforward] = tasks_of(row);
-        [[u32::MAX, indirect], straightforward]
-    };
-    let all_indirect: Tasks = |row| {
-        let [[direct, _], straightforward] = tasks_of(row);
-        [[direct, u32::MAX], straightforward]
-    };
     let variation = |name, laboratory: &Laboratory<'_>, distance, tasks| {
         anyhow::Ok(Variation {
             name,
@@ -256,7 +261,8 @@ fn variations(
     };
     Ok(vec![
         variation("from 1 m instead of 0.5 m", laboratory, 2.0 * default, tasks_of)?,
-        variation("other light points for each pixel", &per_pixel, default, tasks_of)?,
+        variation("other light points for each pixel", per_pixel, default, tasks_of)?,
+        variation(ALL_LAMPS, all_lamps, default, tasks_of)?,
         variation(ALL_DIRECT, laboratory, default, all_direct)?,
         variation(ALL_INDIRECT, laboratory, default, all_indirect)?,
     ])
@@ -271,7 +277,19 @@ struct Laboratory<'a> {
     gold: ImageRgb,
 }
 
-impl Laboratory<'_> {
+impl<'a> Laboratory<'a> {
+    /// The same with other frames, and with their own gold picture.
+    fn with(&self, frames: [anyhow::Result<VirtualFrame<'a>>; 2]) -> anyhow::Result<Self> {
+        let [component, straightforward] = frames;
+        let frames = [component?, straightforward?];
+        Ok(Self {
+            plan: self.plan,
+            scene: self.scene,
+            gold: linear(&frames[0].gold()?),
+            frames,
+        })
+    }
+
     fn row(&self, row: Row) -> anyhow::Result<RowResult> {
         let deadline = Duration::from_secs(row.deadline_s.into());
         let grid = |algorithm| {
@@ -302,8 +320,7 @@ impl Laboratory<'_> {
     }
 
     fn attempt_of_run(&self, algorithm: usize, run: &Run) -> anyhow::Result<Attempt> {
-        let results = run.results.iter().map(|result| (result.task, result.pixels));
-        let picture = self.frames[algorithm].picture(results)?;
+        let picture = self.frames[algorithm].picture(results_of(run))?;
         let tasks = match ALGORITHMS[algorithm] {
             Algorithm::Component => [Component::Direct, Component::Indirect].map(|c| run.completed(c)),
             Algorithm::Straightforward => [run.completed(Component::Full), 0],
@@ -396,7 +413,7 @@ impl Laboratory<'_> {
     }
 
     /// Section 4.2: "the component-based algorithm was used for these results".
-    fn faults(&self) -> anyhow::Result<Vec<FaultRun>> {
+    fn faults(&self, all_lamps: &Self) -> anyhow::Result<Vec<FaultRun>> {
         let [few, many] = FAULT_MACHINES;
         let runs = [
             ("24 machines throughout", Script::default()),
@@ -410,10 +427,27 @@ impl Laboratory<'_> {
                 Ok(FaultRun {
                     name,
                     attempt: self.attempt_of_run(0, &run)?,
+                    all_direct_vdp: self.vdp_of_picture(&self.picture_with_all_direct(&run)?)?,
+                    all_lamps_vdp: all_lamps
+                        .vdp_of_picture(&all_lamps.frames[0].picture(results_of(&run))?)?,
                     run,
                 })
             })
             .collect()
+    }
+
+    /// What a run of the component-based algorithm has done, and all direct tasks besides.
+    fn picture_with_all_direct(&self, run: &Run) -> anyhow::Result<Picture> {
+        let frame = &self.frames[0];
+        let all = frame.order().iter().copied();
+        let direct = all.filter(|task| task.component == Component::Direct);
+        let indirect = results_of(run).filter(|(task, _)| task.component == Component::Indirect);
+        frame.picture(direct.map(|task| (task, frame.pixels(task))).chain(indirect))
+    }
+
+    fn vdp_of_picture(&self, picture: &Picture) -> anyhow::Result<f64> {
+        let distance = vdp::Viewing::default().distance;
+        vdp_from(distance, &self.gold, &linear(picture), self.scene.exposure_stops)
     }
 
     fn full_workload(&self, algorithm: usize) -> Duration {
@@ -438,6 +472,23 @@ impl Laboratory<'_> {
 /// Numbers of tasks for each algorithm: direct and indirect, or those of the straightforward one and 0.
 type Tasks = fn(&Row) -> [[u32; 2]; 2];
 
+/// The results of a run, with the pixels that each has.
+fn results_of(run: &Run) -> impl Iterator<Item = (Task, u32)> {
+    run.results.iter().map(|result| (result.task, result.pixels))
+}
+
+/// The paper's numbers of tasks, but for direct ones, of which all are done.
+fn all_direct(row: &Row) -> [[u32; 2]; 2] {
+    let [[_, indirect], straightforward] = tasks_of(row);
+    [[u32::MAX, indirect], straightforward]
+}
+
+/// The paper's numbers of tasks, but for indirect ones, of which all are done.
+fn all_indirect(row: &Row) -> [[u32; 2]; 2] {
+    let [[direct, _], straightforward] = tasks_of(row);
+    [[direct, u32::MAX], straightforward]
+}
+
 /// The paper's numbers of tasks for each algorithm.
 fn tasks_of(row: &Row) -> [[u32; 2]; 2] {
     [
@@ -446,9 +497,14 @@ fn tasks_of(row: &Row) -> [[u32; 2]; 2] {
     ]
 }
 
-fn largest_difference(a: &Picture, b: &Picture) -> f32 {
+/// The largest difference of two pictures, and the pixels that differ by more than rounding.
+fn difference(a: &Picture, b: &Picture) -> (f32, usize) {
     let pairs = a.beauty.iter().zip(&b.beauty);
-    pairs
-        .map(|(a, b)| (*a - *b).abs().max_element())
-        .fold(0.0, f32::max)
+    let differences = pairs.map(|(a, b)| (*a - *b).abs().max_element());
+    differences.fold((0.0, 0), |(largest, count), difference| {
+        (
+            largest.max(difference),
+            count + usize::from(difference > ROUNDING),
+        )
+    })
 }
