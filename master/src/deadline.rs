@@ -11,7 +11,7 @@
 //! tell which: the operating system's own count of time run and time waited for the threads that trace,
 //! all the time; and the same count for a rehearsal, whose threads may have a higher priority but stand
 //! in the way of those that trace. Each of the two is what the finish phase gets, or less. The
-//! predicted time is divided by the larger one.
+//! predicted time is divided by the largest of the last few.
 //!
 //! **Margin.** A part of the prediction; more when cores are contended, since whose turn it is comes by
 //! chance; and what timers were seen to oversleep.
@@ -71,6 +71,8 @@ impl FinishWork {
 const LEAVE_UNKNOWN: Duration = Duration::from_millis(40);
 /// Rehearsals that are remembered.
 const REHEARSALS: usize = 5;
+/// Of the last so many the best share counts: a rehearsal is short, and may begin when it is not its turn.
+const SHARES: usize = 3;
 /// What the real thing costs for each pixel, compared with a rehearsal, which stands between tasks and
 /// finds the caches full of their things. Measured: 0.6 to 0.8.
 const REAL_PER_REHEARSED: f64 = 0.85;
@@ -184,7 +186,8 @@ impl Ledger {
     /// The share of a core that a thread of the finish phase is expected to get.
     pub fn share(&self) -> f64 {
         let tracing = self.share.ran_s / self.share.wanted_s;
-        let rehearsed = self.rehearsals.back().map_or(0.0, |rehearsed| rehearsed.share);
+        let recent = self.rehearsals.iter().rev().take(SHARES);
+        let rehearsed = recent.map(|rehearsed| rehearsed.share).fold(0.0, f64::max);
         tracing.max(rehearsed).clamp(SHARE_MIN, 1.0)
     }
 
@@ -196,9 +199,13 @@ impl Ledger {
         };
         let mut durations: Vec<Duration> = self.rehearsals.iter().map(scaled).collect();
         durations.sort_unstable();
-        durations.get(durations.len() / 2).copied().unwrap_or_else(|| {
-            let unknown = FinishWork::unknown(self.pixels);
-            unknown.assemble + unknown.encode
-        })
+        // Of two the smaller: what disturbs a rehearsal makes it longer.
+        durations
+            .get(durations.len().saturating_sub(1) / 2)
+            .copied()
+            .unwrap_or_else(|| {
+                let unknown = FinishWork::unknown(self.pixels);
+                unknown.assemble + unknown.encode
+            })
     }
 }
