@@ -108,7 +108,7 @@ fn a_worker_that_is_told_to_go_hands_in_what_it_has() {
     let picture = master.finish();
     picture.assert_code(0);
     assert!(
-        picture.wall <= DEADLINE + Duration::from_millis(250),
+        picture.wall <= DEADLINE + Duration::from_millis(50),
         "{:?}",
         picture.wall
     );
