@@ -285,3 +285,27 @@ fn a_picture_of_beginnings_has_as_many_pixels_as_they_have() {
         .count();
     assert_eq!(known as u32, frame.pixels(first));
 }
+
+/// Groups must be large enough to be cut into chunks, whose order depends on the rays of a pixel.
+#[test]
+fn passes_of_several_light_points_give_both_algorithms_the_same_picture() {
+    let mut parameters = Parameters::load(None).unwrap();
+    parameters = parameters.at_size(ImageSize {
+        width: 384,
+        height: 288,
+    });
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let file = root.join("scenes/cornell-box/cornell-box.toml");
+    let scene = PreparedScene::load(&file, &root, &parameters).unwrap();
+    let [component, straightforward] = [Algorithm::Component, Algorithm::Straightforward].map(|algorithm| {
+        scene
+            .frame_with_points_per_pass(algorithm, 16)
+            .unwrap()
+            .gold()
+            .unwrap()
+    });
+    let pairs = component.beauty.iter().zip(&straightforward.beauty);
+    let different = pairs.filter(|(a, b)| (**a - **b).abs().max_element() > 0.01);
+    let count = different.count();
+    assert!(count < 10, "{count} pixels differ");
+}

@@ -112,7 +112,8 @@ impl PreparedScene {
         Ok(VirtualFrame {
             renderer: FrameRenderer::new(Arc::clone(&self.scene), rendered, self.vpl_sets.clone())?,
             points_per_pass,
-            groups: Arc::new(PixelGroups::new(&settings)),
+            // The renderer's own: how it orders a group's pixels depends on the rays of each.
+            groups: Arc::new(PixelGroups::new(&rendered)),
             places: order
                 .iter()
                 .enumerate()

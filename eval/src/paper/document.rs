@@ -71,7 +71,7 @@ figure{margin:0;break-inside:avoid}figure img{width:100%;height:auto;display:blo
 code{background:#f3f3f3;padding:0 .2em;overflow-wrap:anywhere}\
 @media print{@page{margin:11mm}body{font-size:10pt;max-width:none;padding:0;print-color-adjust:exact}\
 .table{overflow:visible}table{font-size:7pt}th,td{padding:1pt 3pt}tbody th{position:static;max-width:none}\
-thead{display:table-header-group}tr{break-inside:avoid}.figures{grid-template-columns:repeat(3,1fr)}}";
+thead{display:table-header-group;break-after:avoid}tr{break-inside:avoid}.figures{grid-template-columns:repeat(3,1fr)}}";
 
 impl Document {
     /// One page that needs no other file.

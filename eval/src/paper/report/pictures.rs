@@ -107,7 +107,7 @@ pub(super) fn curves(scene: &SceneResult) -> Vec<Figure> {
             })
     };
     let published = [0, 1].map(|algorithm| Series {
-        name: format!("the paper, {}", algorithm_name(ALGORITHMS[algorithm])),
+        name: format!("paper, {}", algorithm_name(ALGORITHMS[algorithm])),
         style: algorithm,
         points_only: true,
         points: (scene.rows.iter().map(|row| row.published))

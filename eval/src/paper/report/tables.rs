@@ -74,8 +74,9 @@ pub(super) fn table_1(scenes: &[SceneResult]) -> Vec<Block> {
              (1024 − n) / 1024. Parts are results of tasks that were stopped when time was up; the ratio leaves \
              them out. The paper's counts of direct and indirect tasks differ by one at most. Ours differ by the \
              indirect tasks under way at the end, which have up to 8.5 times the rays of direct ones, though \
-             both are handed out in turn. What is measured on the grid is less, since workers send what they have of \
-             a task when time is up, and may be more where a task in the middle of the queue was not done."
+             both are handed out in turn. What is measured on the grid differs from the formula, since workers \
+             send what they have of a task when time is up: such parts add pixels, but those of a set that no \
+             whole task has reached open its buffer, nearly empty, which raises the mean."
                 .into(),
         ),
         Block::Text(check_formulas(scenes)),
