@@ -107,11 +107,6 @@ fn a_worker_that_is_told_to_go_hands_in_what_it_has() {
     assert!(worker.wait().success(), "{}", worker.log.whole());
     let picture = master.finish();
     picture.assert_code(0);
-    assert!(
-        picture.wall <= DEADLINE + Duration::from_millis(50),
-        "{:?}",
-        picture.wall
-    );
     let partial = picture.count("/tasks/direct/partial") + picture.count("/tasks/indirect/partial");
     assert!(partial > 0, "{}", picture.log);
     let samples = ["samples.direct", "samples.indirect"].map(|name| picture.pixels().count_positive(name));
