@@ -207,3 +207,20 @@ fn conclude(
         probability,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_count_where_the_probability_exceeds_three_quarters() {
+        let probability = Plane {
+            width: 4,
+            height: 1,
+            data: vec![0.74, 0.75, 0.76, 0.9],
+        };
+        let found = conclude(Slopes::ONE, probability, &[false, false, false, true], false);
+        assert!((found.percent - 50.0).abs() < 1e-9, "{}", found.percent);
+        assert!((found.percent_zero_identical - 25.0).abs() < 1e-9);
+    }
+}
