@@ -80,6 +80,9 @@ const REAL_PER_REHEARSED: f64 = 0.85;
 const MARGIN_SHARE: f64 = 0.1;
 /// Margin for what does not depend on the size of the picture.
 const MARGIN_MIN: Duration = Duration::from_millis(18);
+/// Margin besides for cores of which the tracing gets nothing, and in proportion for others: whose turn
+/// it is comes by chance, whatever the priority.
+const MARGIN_CONTENDED: Duration = Duration::from_millis(24);
 /// Part of the predicted time that is added to the margin for cores that are entirely contended.
 const MARGIN_SHARE_CONTENDED: f64 = 0.3;
 /// How fast old measurements of the share are forgotten.
@@ -106,6 +109,12 @@ pub struct Ledger {
 struct Share {
     ran_s: f64,
     wanted_s: f64,
+}
+
+impl Share {
+    fn of_tracing(&self) -> f64 {
+        (self.ran_s / self.wanted_s).clamp(SHARE_MIN, 1.0)
+    }
 }
 
 impl Ledger {
@@ -180,12 +189,15 @@ impl Ledger {
     pub fn margin(&self) -> Duration {
         let contended = 1.0 - self.share();
         let part = MARGIN_SHARE + MARGIN_SHARE_CONTENDED * contended;
-        MARGIN_MIN + self.finish_time().mul_f64(part) + self.lateness.high().unwrap_or_default()
+        MARGIN_MIN
+            + self.finish_time().mul_f64(part)
+            + MARGIN_CONTENDED.mul_f64(1.0 - self.share.of_tracing())
+            + self.lateness.high().unwrap_or_default()
     }
 
     /// The share of a core that a thread of the finish phase is expected to get.
     pub fn share(&self) -> f64 {
-        let tracing = self.share.ran_s / self.share.wanted_s;
+        let tracing = self.share.of_tracing();
         let recent = self.rehearsals.iter().rev().take(SHARES);
         let rehearsed = recent.map(|rehearsed| rehearsed.share).fold(0.0, f64::max);
         tracing.max(rehearsed).clamp(SHARE_MIN, 1.0)

@@ -92,6 +92,17 @@ fn threads_that_go_first_get_the_share_that_they_got_in_the_rehearsal() {
 }
 
 #[test]
+fn beside_other_programs_more_time_is_kept_even_for_threads_that_go_first() {
+    let margin = |share| {
+        let mut ledger = ledger(8.0, 100);
+        contend(&mut ledger, share);
+        ledger.rehearsed(rehearsal(100, 1.0));
+        ledger.margin()
+    };
+    assert!(margin(0.5) >= margin(1.0) + ms(11));
+}
+
+#[test]
 fn more_threads_than_cores_are_no_sign_of_other_programs() {
     let mut ledger = ledger(8.0, 100);
     for _ in 0..80 {
