@@ -82,7 +82,7 @@ impl PixelGroups {
     }
 
     /// The places of a group's pixels in [`PixelGroups::order`].
-    pub fn range(&self, group: u32) -> std::ops::Range<usize> {
+    fn range(&self, group: u32) -> std::ops::Range<usize> {
         let start = |group: usize| group_start(self.order.len(), self.groups, group);
         start(group as usize)..start(group as usize + 1)
     }

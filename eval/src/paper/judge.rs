@@ -63,6 +63,14 @@ impl Metric {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scores(pub [f64; METRICS.len()]);
 
+impl Scores {
+    /// All of them as texts, in the order of [`METRICS`].
+    pub fn cells(&self) -> impl Iterator<Item = String> {
+        let scores = METRICS.iter().zip(self.0);
+        scores.map(|(metric, score)| metric.format(score))
+    }
+}
+
 /// A judged picture.
 #[derive(Debug, Clone)]
 pub struct Judgement {

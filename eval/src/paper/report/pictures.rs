@@ -148,12 +148,7 @@ pub(super) fn faults(scene: &SceneResult) -> Vec<Block> {
             format!("{} + {}", attempt.tasks[0], attempt.tasks[1]),
             format!("{published:.2}"),
         ];
-        cells.extend(
-            METRICS
-                .iter()
-                .zip(attempt.scores.0)
-                .map(|(metric, value)| metric.format(value)),
-        );
+        cells.extend(attempt.scores.cells());
         cells
     });
     let table = Table {

@@ -222,12 +222,7 @@ pub(super) fn all_metrics(scene: &SceneResult) -> Table {
     header.extend(METRICS.map(|metric| metric.name.to_owned()));
     let line = |name: String, attempt: &Attempt| {
         let mut cells = vec![name];
-        cells.extend(
-            METRICS
-                .iter()
-                .zip(attempt.scores.0)
-                .map(|(metric, value)| metric.format(value)),
-        );
+        cells.extend(attempt.scores.cells());
         cells
     };
     let mut rows = Vec::new();
