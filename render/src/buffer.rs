@@ -5,6 +5,10 @@
 //! over the image, is scattered when it comes, beside the tracing, so that after the cut-off everything
 //! is read in its order.
 
+mod halves;
+
+pub use halves::{Half, HalfBuffers};
+
 use std::{collections::BTreeMap, mem, sync::Arc};
 
 use glam::{DVec3, Vec3};
