@@ -12,6 +12,7 @@ use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
 
 use crate::compare::{self, Options};
+use crate::export::{self, ExportArgs};
 use crate::grid::command::{self as grid, GridArgs};
 use crate::metrics::{flip, vdp};
 use crate::paper::command::{self as paper, PaperArgs};
@@ -36,6 +37,8 @@ enum Command {
     Paper(PaperArgs),
     /// Compares the paper's two algorithms by the clock, on this machine
     Realtime(RealtimeArgs),
+    /// Writes a scene as PLY, PNG and JSON, for other renderers to show the same
+    Export(ExportArgs),
 }
 
 #[derive(Debug, Args)]
@@ -153,6 +156,7 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Grid(args) => print(&grid::run(&args)?),
         Command::Paper(args) => print(&paper::run(&args)?),
         Command::Realtime(args) => print(&realtime::run(&args)?),
+        Command::Export(args) => print(&export::run(&args)?),
     }
 }
 

@@ -12,6 +12,8 @@ pub mod metrics;
 
 pub mod compare;
 
+pub mod export;
+
 pub mod grid;
 pub mod paper;
 
