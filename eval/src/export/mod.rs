@@ -166,4 +166,43 @@ mod tests {
         let half = multiplied(&texture, Vec3::splat(0.5));
         assert_eq!(half[0], [188, 92, 0]);
     }
+
+    #[test]
+    fn a_scene_becomes_a_folder_that_describes_itself() {
+        let folder = tempfile::tempdir().unwrap();
+        let args = ExportArgs {
+            scene: places::scene_file("cornell-box/cornell-box.toml"),
+            out: folder.path().join("new/folder"),
+            scenes: None,
+        };
+        run(&args).unwrap();
+        let text = fs::read_to_string(args.out.join("scene.json")).unwrap();
+        let description: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(description["image"], serde_json::json!([512, 512]));
+        let meshes = description["meshes"].as_array().unwrap();
+        for mesh in meshes {
+            let file = args.out.join(mesh["file"].as_str().unwrap());
+            assert!(
+                fs::read(&file).unwrap().starts_with(b"ply\n"),
+                "{}",
+                file.display()
+            );
+        }
+        let lamps = meshes
+            .iter()
+            .filter(|mesh| mesh["emission"][0].as_f64() > Some(0.0));
+        assert_eq!(lamps.count(), 1);
+    }
+
+    #[test]
+    fn a_scene_that_is_not_there_is_named() {
+        let args = ExportArgs {
+            scene: "no/such/scene.toml".into(),
+            out: "no/such/folder".into(),
+            scenes: None,
+        };
+        let error = run(&args).unwrap_err().to_string();
+        assert!(error.contains("no/such/scene.toml"), "{error}");
+        assert!(!args.out.exists());
+    }
 }

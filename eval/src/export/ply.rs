@@ -26,7 +26,11 @@ pub(super) fn of_triangles(mesh: &TriangleMesh, triangles: &[usize]) -> Vec<u8> 
     }
     for face in 0..triangles.len() as u32 {
         bytes.push(3);
-        bytes.extend([0, 1, 2].into_iter().flat_map(|corner| (3 * face + corner).to_le_bytes()));
+        bytes.extend(
+            [0, 1, 2]
+                .into_iter()
+                .flat_map(|corner| (3 * face + corner).to_le_bytes()),
+        );
     }
     bytes
 }
