@@ -45,11 +45,15 @@ pub struct Client {
 
 impl Client {
     /// Starts the threads; to be called within the runtime.
-    pub fn new(options: WorkerOptions, clock: Clock, renderer: Box<dyn Renderer>) -> anyhow::Result<Self> {
+    pub fn new(
+        options: WorkerOptions,
+        clock: Clock,
+        renderer: Box<dyn Renderer>,
+        signals: Signals,
+    ) -> anyhow::Result<Self> {
         let threads = || format!("cannot start {} threads: use fewer --slots", options.slots);
         let executor = Executor::start(options.slots, clock).with_context(threads)?;
         let loader = Loader::start(renderer).context("cannot start a thread to load scenes")?;
-        let signals = Signals::listen(options.lifetime.clone()).context("cannot listen for signals")?;
         Ok(Self {
             options,
             clock,
@@ -90,6 +94,12 @@ impl Client {
                 () = sleep(backoff.wait(chance())) => {}
             }
         }
+    }
+
+    /// Waits for the threads, which end with what they are at.
+    pub fn join(self) {
+        self.executor.join();
+        self.loader.join();
     }
 
     /// Decides whether the end of a connection is the end of the worker.

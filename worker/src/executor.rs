@@ -5,7 +5,7 @@ use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use embree4_sys::FlushDenormals;
@@ -20,6 +20,7 @@ use crate::state::Outcome;
 #[derive(Debug)]
 pub struct Executor {
     shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
 }
 
 /// A task with all that a slot needs for it.
@@ -67,14 +68,14 @@ impl Executor {
             queue: Mutex::default(),
             changed: Condvar::new(),
         };
-        let executor = Self {
+        let mut executor = Self {
             shared: Arc::new(shared),
+            threads: Vec::new(),
         };
         for slot in 0..slots {
             let shared = Arc::clone(&executor.shared);
-            thread::Builder::new()
-                .name(format!("slot {slot}"))
-                .spawn(move || shared.work())?;
+            let thread = thread::Builder::new().name(format!("slot {slot}"));
+            executor.threads.push(thread.spawn(move || shared.work())?);
         }
         Ok(executor)
     }
@@ -84,14 +85,27 @@ impl Executor {
         self.shared.lock().jobs.push_back(job);
         self.shared.changed.notify_one();
     }
-}
 
-impl Drop for Executor {
-    fn drop(&mut self) {
+    /// Ends the slots and waits for the tasks that they are at.
+    pub fn join(mut self) {
+        self.close();
+        for thread in self.threads.drain(..) {
+            // A slot catches what breaks in it.
+            let _ = thread.join();
+        }
+    }
+
+    fn close(&self) {
         let mut queue = self.shared.lock();
         queue.closed = true;
         queue.jobs.clear();
         self.shared.changed.notify_all();
+    }
+}
+
+impl Drop for Executor {
+    fn drop(&mut self) {
+        self.close();
     }
 }
 

@@ -26,10 +26,12 @@ use anyhow::Context as _;
 
 pub use client::Ended;
 pub use options::{Lifetime, WorkerOptions};
+pub use signals::Stop;
 
 use crate::client::Client;
 use crate::clock::Clock;
 use crate::renderer::Renderer;
+use crate::signals::Signals;
 use crate::traced::TracingRenderer;
 
 /// Works until told to stop; blocks. Not to be called from within an async runtime.
@@ -41,13 +43,33 @@ pub fn run(options: WorkerOptions) -> anyhow::Result<Ended> {
 
 /// Works with the given renderer.
 pub fn run_with(options: WorkerOptions, clock: Clock, renderer: Box<dyn Renderer>) -> anyhow::Result<Ended> {
+    in_network_loop(async {
+        let signals = Signals::listen(options.lifetime.clone()).context("cannot listen for signals")?;
+        Client::new(options, clock, renderer, signals)?.run().await
+    })
+}
+
+/// Works as a part of another program until that says so; blocks. Its signals stay its own, and no
+/// thread that renders is left behind.
+pub fn run_hosted(options: WorkerOptions, stop: Stop) -> anyhow::Result<Ended> {
+    let clock = Clock::start();
+    let renderer = Box::new(TracingRenderer::new(clock));
+    in_network_loop(async {
+        let mut client = Client::new(options, clock, renderer, Signals::Host(stop))?;
+        let ended = client.run().await;
+        client.join();
+        ended
+    })
+}
+
+fn in_network_loop<T>(work: impl Future<Output = anyhow::Result<T>>) -> anyhow::Result<T> {
     let mut runtime = tokio::runtime::Builder::new_current_thread();
     let runtime = runtime
         .enable_all()
         .build()
         .context("cannot start the network loop")?;
-    let ended = runtime.block_on(async { Client::new(options, clock, renderer)?.run().await });
+    let result = runtime.block_on(work);
     // The look-up of a host's name may hang for long; nobody waits for it any more.
     runtime.shutdown_background();
-    ended
+    result
 }

@@ -3,7 +3,7 @@
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, mpsc};
-use std::thread;
+use std::thread::{self, JoinHandle};
 
 use anyhow::{Context as _, anyhow};
 use protocol::message::{Frame as FrameMessage, SceneRef};
@@ -16,6 +16,7 @@ use crate::scene_cache::SceneCache;
 #[derive(Debug)]
 pub struct Loader {
     jobs: mpsc::Sender<(Job, DoneSender)>,
+    thread: JoinHandle<()>,
 }
 
 #[derive(Debug)]
@@ -36,8 +37,15 @@ impl Loader {
                 let _ = done.send(run(job, &mut cache, &*renderer));
             }
         };
-        thread::Builder::new().name("loader".to_owned()).spawn(work)?;
-        Ok(Self { jobs })
+        let thread = thread::Builder::new().name("loader".to_owned()).spawn(work)?;
+        Ok(Self { jobs, thread })
+    }
+
+    /// Waits for the job that the thread is at, and all that were given before.
+    pub fn join(self) {
+        drop(self.jobs);
+        // It catches what breaks in it.
+        let _ = self.thread.join();
     }
 
     /// Looks whether a scene is the one in memory.

@@ -11,7 +11,7 @@ use protocol::settings::Settings;
 use protocol::{FrameId, Radiance, ToMaster, ToWorker};
 use tokio::io::AsyncWriteExt as _;
 use worker::clock::Clock;
-use worker::{Ended, Lifetime, WorkerOptions};
+use worker::{Ended, Lifetime, Stop, WorkerOptions};
 
 use self::scripted::{BREAKING, Grey, Master, digest_of, direct, settings};
 
@@ -252,6 +252,32 @@ async fn a_refusal_is_passed_on_to_people() {
         error.contains("refuses") && error.contains("0.0.9") && error.contains("0.1.0"),
         "{error}"
     );
+}
+
+#[tokio::test]
+async fn a_worker_inside_a_program_goes_when_that_says_so() {
+    let master = Master::listen().await;
+    let options = WorkerOptions {
+        connect: master.address.to_string(),
+        slots: 2,
+        name: "screen saver".to_owned(),
+        lifetime: Lifetime::Service,
+        version: "0.0.9".to_owned(),
+    };
+    let stop = Stop::default();
+    let told = stop.clone();
+    let worker = thread::spawn(move || worker::run_hosted(options, told));
+    let (mut peer, _) = master.join().await;
+    peer.prepare(b"no scene").await;
+    assert_eq!(peer.failed().await.what, FailedStep::Scene);
+    stop.stop();
+    let ToMaster::Leaving(leaving) = peer.hear().await else {
+        panic!("the worker does not say that it leaves");
+    };
+    assert_eq!(leaving.reason, "its program");
+    drop(peer);
+    let ended = worker.join().unwrap().unwrap();
+    assert_eq!(ended, Ended::Signal("its program".to_owned()));
 }
 
 #[tokio::test]
