@@ -96,6 +96,14 @@ impl FrameRenderer {
         task.is_within(&self.settings)
     }
 
+    /// Row-major indices of the pixels of a group, in the order in which they are rendered.
+    ///
+    /// # Panics
+    /// If there is no such group.
+    pub fn pixels(&self, group: u32) -> &[u32] {
+        self.groups.pixels(group)
+    }
+
     /// Renders a task chunk by chunk, until it is done or `stop`, asked before each chunk, says so.
     ///
     /// # Panics

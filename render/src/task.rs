@@ -21,6 +21,17 @@ impl Component {
             Self::Full => 6,
         }
     }
+
+    /// Tasks for each group of a frame with these settings: passes, or VPL sets; 0 if its algorithm
+    /// has no such component.
+    pub fn tasks_per_group(self, settings: &Settings) -> u32 {
+        match (settings.algorithm, self) {
+            (Algorithm::Component, Self::Direct) => settings.spp,
+            (Algorithm::Component, Self::Indirect) => settings.vpl_sets,
+            (Algorithm::Straightforward, Self::Full) => 1,
+            _ => 0,
+        }
+    }
 }
 
 /// One task. The light it yields depends on scene, settings and these three numbers alone.
@@ -37,13 +48,7 @@ pub struct Task {
 impl Task {
     /// Whether a frame with these settings has this task.
     pub fn is_within(self, settings: &Settings) -> bool {
-        let indices = match (settings.algorithm, self.component) {
-            (Algorithm::Component, Component::Direct) => settings.spp,
-            (Algorithm::Component, Component::Indirect) => settings.vpl_sets,
-            (Algorithm::Straightforward, Component::Full) => 1,
-            _ => 0,
-        };
-        self.group < settings.groups && self.index < indices
+        self.group < settings.groups && self.index < self.component.tasks_per_group(settings)
     }
 }
 

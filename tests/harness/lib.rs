@@ -8,6 +8,7 @@
     reason = "wall time from outside is what a deadline means"
 )]
 
+pub mod c_program;
 pub mod log;
 pub mod master;
 pub mod peer;

@@ -133,8 +133,8 @@ fn start_log(quiet: u8, verbose: u8) {
         .init();
 }
 
-/// Checks what can be checked before the first attempt; the host is looked up each time anew.
-fn address(text: &str) -> Result<String, String> {
+/// Checks an address as far as it can be checked before the first attempt; the host is looked up each time anew.
+pub fn address(text: &str) -> Result<String, String> {
     let port = text
         .rsplit_once(':')
         .filter(|(host, _)| !host.is_empty())
@@ -145,7 +145,8 @@ fn address(text: &str) -> Result<String, String> {
     }
 }
 
-fn name(text: &str) -> Result<String, String> {
+/// Checks a name for people.
+pub fn name(text: &str) -> Result<String, String> {
     if text.len() > limits::NAME_BYTES || text.chars().any(char::is_control) {
         return Err(format!(
             "give up to {} bytes without control characters",
