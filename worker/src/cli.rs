@@ -6,7 +6,7 @@ use std::num::NonZeroU32;
 use std::str::FromStr;
 use std::thread::available_parallelism;
 
-use clap::{ArgAction, Parser};
+use clap::{ArgAction, CommandFactory as _, Parser};
 use protocol::limits;
 use tracing_subscriber::EnvFilter;
 
@@ -84,6 +84,11 @@ impl FromStr for Slots {
             .map(Self::Count)
             .ok_or_else(|| format!("give auto, or a number from 1 to {}", limits::SLOTS))
     }
+}
+
+/// The command line as data, for manual pages and completions.
+pub fn command() -> clap::Command {
+    Arguments::command()
 }
 
 /// Runs the program.
@@ -167,8 +172,6 @@ pub fn host_name() -> String {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory as _;
-
     use super::*;
 
     fn refused(arguments: &[&str]) -> String {
@@ -177,7 +180,7 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        Arguments::command().debug_assert();
+        command().debug_assert();
     }
 
     #[test]
