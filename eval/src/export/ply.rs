@@ -36,10 +36,9 @@ pub(super) fn of_triangles(mesh: &TriangleMesh, triangles: &[usize]) -> Vec<u8> 
 }
 
 fn header(corners: usize, faces: usize) -> String {
-    let properties: String = ["x", "y", "z", "nx", "ny", "nz", "s", "t"]
-        .iter()
+    let properties = ["x", "y", "z", "nx", "ny", "nz", "s", "t"]
         .map(|name| format!("property float {name}\n"))
-        .collect();
+        .concat();
     format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {corners}\n{properties}\
          element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
