@@ -1,12 +1,13 @@
 //! Plans a frame, hands out its tasks and delivers the picture by the deadline.
 //!
 //! Deciding is apart from doing: [`plan`] orders the tasks, [`scheduler`] decides who gets which and
-//! what counts, [`deadline`] decides when tracing must end and [`link`] when each worker must send;
-//! none of them knows a socket, a thread or a clock. Around them is the shell: [`run`] is the program's
+//! what counts, [`lease`] how much of it at once, [`deadline`] decides when tracing must end and [`link`]
+//! when each worker must send; none of them knows a socket, a thread or a clock. Around them is the shell: [`run`] is the program's
 //! table of contents, [`session`] its one loop, [`frame`] makes events of what happens and does what
 //! the scheduler decides.
 
 pub mod frame_time;
+pub mod lease;
 pub mod plan;
 pub mod scheduler;
 
