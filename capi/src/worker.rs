@@ -137,6 +137,8 @@ impl Worker {
                 slots: cli::Slots::Auto.count(),
                 name: cli::host_name(),
                 lifetime: Lifetime::Service,
+                // The host has not said that files may be written.
+                cache: None,
                 version: cli::VERSION.to_owned(),
             },
             stop: Stop::default(),

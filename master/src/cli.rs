@@ -8,6 +8,7 @@ use std::{
 };
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use protocol::radiance::Encoding;
 use render::scene::ImageSize;
 
 /// What `--version` prints.
@@ -169,6 +170,12 @@ pub struct RenderArgs {
     #[arg(long, value_name = "COUNT", default_value = "auto", value_parser = slots, help_heading = "Workers")]
     pub local_slots: Auto<u32>,
 
+    /// How results come back: `exact` in 12 bytes a pixel, `half` in 6, `shared-exponent` in 4. For the same
+    /// bits whoever renders, name one [default: exact from this machine and without a deadline, else
+    /// shared-exponent]
+    #[arg(long, value_name = "NAME", help_heading = "Workers")]
+    pub pixels: Option<PixelsName>,
+
     /// Print the report as one JSON object on standard output
     #[arg(long, help_heading = "Output")]
     pub json: bool,
@@ -211,6 +218,27 @@ pub enum ReconstructionName {
     Nearest,
     /// Not at all: missing pixels are black
     None,
+}
+
+/// See [`protocol::radiance::Encoding`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PixelsName {
+    /// The same bits
+    Exact,
+    /// Each value within 1/2048
+    Half,
+    /// Each value within 1/512 of the brightest of its pixel
+    SharedExponent,
+}
+
+impl From<PixelsName> for Encoding {
+    fn from(name: PixelsName) -> Self {
+        match name {
+            PixelsName::Exact => Self::Exact,
+            PixelsName::Half => Self::Half,
+            PixelsName::SharedExponent => Self::SharedExponent,
+        }
+    }
 }
 
 /// A value, or what the program finds out by itself.

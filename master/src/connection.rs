@@ -5,7 +5,7 @@ use std::{net::SocketAddr, sync::Arc};
 use protocol::{
     ToMaster, ToWorker, WorkerId,
     connection::{ReadError, Reader, WriteError, Writer},
-    envelope::EncodeError,
+    envelope::Sealed,
     limits,
     message::{Hello, Refused, Welcome},
     version,
@@ -65,7 +65,7 @@ pub struct Joined {
     /// How fast its bytes come in.
     pub throughput: Throughput,
     /// Where to put messages for it. Dropping it closes the connection.
-    pub outbox: mpsc::Sender<ToWorker>,
+    pub outbox: mpsc::Sender<Sealed>,
 }
 
 /// What all connections of a server share.
@@ -94,14 +94,11 @@ enum Fault {
     Read(#[from] ReadError),
     #[error(transparent)]
     Write(#[from] WriteError),
-    #[error(transparent)]
-    Encode(#[from] EncodeError),
 }
 
 /// Serves one connection to its end.
 pub async fn serve(stream: TcpStream, address: SocketAddr, worker: WorkerId, shared: Arc<Shared>) {
-    // A message of 30 bytes must not wait for company.
-    if let Err(error) = stream.set_nodelay(true) {
+    if let Err(error) = protocol::connection::tune(&stream) {
         return tracing::debug!(%address, %error, "a connection failed at once");
     }
     let (incoming, outgoing) = stream.into_split();
@@ -172,7 +169,7 @@ async fn shake_hands(
 async fn converse(
     reader: &mut Incoming,
     writer: &mut Writer<ToWorker>,
-    mut messages: mpsc::Receiver<ToWorker>,
+    mut messages: mpsc::Receiver<Sealed>,
     worker: WorkerId,
     arrivals: &mpsc::Sender<Arrival>,
 ) -> Result<(), Fault> {
@@ -192,7 +189,7 @@ async fn converse(
 async fn write_until_heard(
     reader: &mut Incoming,
     writer: &mut Writer<ToWorker>,
-    messages: &mut mpsc::Receiver<ToWorker>,
+    messages: &mut mpsc::Receiver<Sealed>,
 ) -> Result<Option<ToMaster>, Fault> {
     loop {
         let may_queue = writer.queued_bytes() < WRITER_BYTES_MAX;
@@ -203,7 +200,7 @@ async fn write_until_heard(
                     writer.flush().await.map_err(WriteError::Io)?;
                     return Ok(None);
                 };
-                writer.push(&message)?;
+                writer.push_sealed(message);
             }
             flushed = writer.flush(), if !writer.is_empty() => flushed.map_err(WriteError::Io)?,
         }

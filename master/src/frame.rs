@@ -3,8 +3,11 @@
 use std::{collections::VecDeque, num::NonZeroUsize, sync::Arc, time::Duration};
 
 use protocol::{
-    FrameId, ToMaster, ToWorker, WorkerId, limits,
+    Digest, FrameId, ToMaster, ToWorker, WorkerId,
+    envelope::{EncodeError, Sealed},
+    limits,
     message::{Assign, EndFrame, Prepare, Shutdown, TaskResult, Want},
+    radiance::Encoding,
 };
 use render::{
     buffer::FrameBuffers,
@@ -37,6 +40,7 @@ const INTERRUPT_WITHIN: Duration = Duration::from_millis(20);
 pub struct Frame {
     clock: Clock,
     delta_t: Option<Duration>,
+    encodings: ByPlace<Encoding>,
     /// What workers need of the scene, when it is in memory.
     scene: Option<SceneBytes>,
     promise: Promise,
@@ -48,13 +52,26 @@ pub struct Frame {
     deferred: VecDeque<Event>,
 }
 
+/// One for the worker on this machine and one for all others.
+#[derive(Debug, Clone)]
+struct ByPlace<T> {
+    local: T,
+    remote: T,
+}
+
+impl<T> ByPlace<T> {
+    fn of(&self, is_local: bool) -> &T {
+        if is_local { &self.local } else { &self.remote }
+    }
+}
+
 /// What there is once rays can be traced.
 #[derive(Debug)]
 struct Tracing {
     scheduler: Scheduler,
     buffers: Option<FrameBuffers>,
     groups: Arc<PixelGroups>,
-    begin: Arc<ToWorker>,
+    begin: ByPlace<Sealed>,
     rays: RayCounts,
     busy: Duration,
     first_task: Option<FrameTime>,
@@ -67,6 +84,10 @@ impl Frame {
         Self {
             clock,
             delta_t: job.delta_t,
+            encodings: ByPlace {
+                local: job.encoding(true),
+                remote: job.encoding(false),
+            },
             scene: None,
             promise: match job.deadline {
                 Some(_) => Promise::Deadline,
@@ -106,15 +127,21 @@ impl Frame {
     }
 
     /// Rays can be traced: tasks can be handed out.
-    pub fn traceable(&mut self, settings: &Settings, traceable: &Traceable) {
+    pub fn traceable(&mut self, settings: &Settings, traceable: &Traceable) -> Result<(), EncodeError> {
         let queues = TaskQueues::new(settings);
-        let frame = wire::frame_to_wire(FRAME, settings, &traceable.vpl_sets);
-        let begin = Arc::new(ToWorker::Frame(frame));
+        let begin = |encoding| {
+            let frame = wire::frame_to_wire(FRAME, settings, &traceable.vpl_sets, encoding);
+            Sealed::new(&ToWorker::Frame(frame))
+        };
+        let begin = ByPlace {
+            local: begin(self.encodings.local)?,
+            remote: begin(self.encodings.remote)?,
+        };
         self.tracing = Some(Tracing {
             scheduler: Scheduler::new(queues, self.promise, limits::LEASES_PER_SLOT),
             buffers: Some(FrameBuffers::new(settings, Arc::clone(&traceable.groups))),
             groups: Arc::clone(&traceable.groups),
-            begin: Arc::clone(&begin),
+            begin,
             rays: RayCounts::default(),
             busy: Duration::ZERO,
             first_task: None,
@@ -122,10 +149,11 @@ impl Frame {
         });
         self.move_cut_off();
         for worker in self.roster.ids() {
-            self.send(worker, (*begin).clone());
+            self.begin(worker);
             self.check_ready(worker);
         }
         self.settle();
+        Ok(())
     }
 
     /// A new prediction of the finish phase is there, or time has passed.
@@ -147,7 +175,7 @@ impl Frame {
     /// A sign of life to everyone.
     pub fn ping(&mut self) {
         let now = self.clock.now();
-        self.roster.ping_all(now);
+        encoded(self.roster.ping_all(now));
     }
 
     /// A signal ends the tracing: what workers have done so far is collected.
@@ -221,25 +249,37 @@ impl Frame {
 
     /// Tells everyone that there is nothing more to do.
     pub fn dismiss(&mut self) {
-        self.roster
-            .send_all(&ToWorker::EndFrame(EndFrame { frame: FRAME }));
-        self.roster.send_all(&ToWorker::Shutdown(Shutdown {}));
+        encoded(
+            self.roster
+                .send_all(&ToWorker::EndFrame(EndFrame { frame: FRAME })),
+        );
+        encoded(self.roster.send_all(&ToWorker::Shutdown(Shutdown {})));
     }
 
     fn joined(&mut self, joined: Joined) {
         tracing::info!(name = joined.hello.name, address = %joined.address, slots = joined.hello.slots, "a worker joined");
         let worker = self.roster.join(joined);
-        self.roster.ping_all(self.clock.now());
+        encoded(self.roster.ping(worker, self.clock.now()));
         self.prepare(worker);
-        if let Some(begin) = self.tracing.as_ref().map(|tracing| Arc::clone(&tracing.begin)) {
-            self.send(worker, (*begin).clone());
+        self.begin(worker);
+    }
+
+    /// Tells a worker of the frame, if it has begun.
+    fn begin(&mut self, worker: WorkerId) {
+        let is_local = self.roster.get(worker).is_some_and(|member| member.is_local);
+        let begin = self
+            .tracing
+            .as_ref()
+            .map(|tracing| tracing.begin.of(is_local).clone());
+        if let Some(begin) = begin {
+            self.send_sealed(worker, begin);
         }
     }
 
     fn said(&mut self, worker: WorkerId, message: ToMaster) {
         match message {
-            ToMaster::Want(want) => self.send_part(worker, &want),
-            ToMaster::Prepared(prepared) => self.prepared(worker, &prepared.digest),
+            ToMaster::Want(want) => self.send_chunk(worker, want),
+            ToMaster::Prepared(prepared) => self.prepared(worker, prepared.digest),
             ToMaster::Request(request) if request.frame == FRAME => {
                 let count = request.tasks;
                 self.handle(Event::Request { worker, count }, None);
@@ -290,19 +330,26 @@ impl Frame {
     /// Tells a worker which scene there is.
     fn prepare(&mut self, worker: WorkerId) {
         if let Some(scene) = &self.scene {
-            let scene = scene.reference();
-            self.send(worker, ToWorker::Prepare(Prepare { scene }));
+            let scene = scene.reference().clone();
+            self.send(worker, &ToWorker::Prepare(Prepare { scene }));
         }
     }
 
-    fn send_part(&mut self, worker: WorkerId, want: &Want) {
-        match self.scene.as_ref().and_then(|scene| scene.part(want)) {
-            Some(part) => self.send(worker, ToWorker::ScenePart(part)),
-            None => self.send_away(worker, "it wants a scene that we do not have"),
+    fn send_chunk(&mut self, worker: WorkerId, want: Want) {
+        let is_local = self.roster.get(worker).is_some_and(|member| member.is_local);
+        match self.scene.as_ref().map(|scene| scene.chunk(want, is_local)) {
+            Some(Ok(Some(chunk))) => {
+                if let Some(report) = self.roster.report(worker) {
+                    report.scene_bytes += chunk.bytes().len() as u64;
+                }
+                self.send_sealed(worker, chunk);
+            }
+            Some(Err(error)) => self.send_away(worker, &error.to_string()),
+            Some(Ok(None)) | None => self.send_away(worker, "it wants a scene that we do not have"),
         }
     }
 
-    fn prepared(&mut self, worker: WorkerId, digest: &str) {
+    fn prepared(&mut self, worker: WorkerId, digest: Digest) {
         if self.scene.as_ref().is_none_or(|scene| scene.digest() != digest) {
             return self.send_away(worker, "it prepared another scene than ours");
         }
@@ -397,8 +444,10 @@ impl Frame {
             Action::Disconnect { worker, fault } => self.send_away(worker, &fault.to_string()),
             Action::Close(closing) => {
                 tracing::debug!(?closing, at = %self.clock.now(), "the tracing is over");
-                self.roster
-                    .send_all(&ToWorker::EndFrame(EndFrame { frame: FRAME }));
+                encoded(
+                    self.roster
+                        .send_all(&ToWorker::EndFrame(EndFrame { frame: FRAME })),
+                );
             }
         }
     }
@@ -417,7 +466,7 @@ impl Frame {
         if !tasks.is_empty() {
             tracing.first_task.get_or_insert(now);
         }
-        self.send(worker, ToWorker::Assign(assign));
+        self.send(worker, &ToWorker::Assign(assign));
     }
 
     /// The one way by which light enters the picture.
@@ -429,7 +478,7 @@ impl Frame {
         let Some(buffers) = &mut tracing.buffers else {
             return;
         };
-        if let Err(error) = buffers.add(task, &result.radiance.0) {
+        if let Err(error) = buffers.add(task, &result.radiance.unpack()) {
             tracing::warn!(%worker, %error, "a result was refused");
             return self.deferred.push_back(Event::Unusable { worker, task });
         }
@@ -451,10 +500,24 @@ impl Frame {
         }
     }
 
-    fn send(&mut self, worker: WorkerId, message: ToWorker) {
+    fn send(&mut self, worker: WorkerId, message: &ToWorker) {
+        match Sealed::new(message) {
+            Ok(message) => self.send_sealed(worker, message),
+            Err(error) => self.send_away(worker, &error.to_string()),
+        }
+    }
+
+    fn send_sealed(&mut self, worker: WorkerId, message: Sealed) {
         if !self.roster.send(worker, message) {
             self.send_away(worker, "it does not read what it is sent");
         }
+    }
+}
+
+/// Says aloud what only a mistake of this program brings about; the frame goes on.
+fn encoded(sent: Result<(), EncodeError>) {
+    if let Err(error) = sent {
+        tracing::error!(%error, "a message to all workers was not sent");
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
+use protocol::radiance::Encoding;
 use render::{
     reconstruct::Reconstruction,
     scene::{ImageSize, Scene},
@@ -59,6 +60,8 @@ pub struct Job {
     pub listen: SocketAddr,
     /// Slots of the worker that this process starts.
     pub local_slots: u32,
+    /// How results come back, if all in one way.
+    pixels: Option<Encoding>,
     workload: Workload,
 }
 
@@ -109,8 +112,20 @@ impl Job {
             },
             listen: args.listen,
             local_slots: args.local_slots.or_one_per_core(),
+            pixels: args.pixels.map(Encoding::from),
             workload,
         })
+    }
+
+    /// How a worker writes its results. Without a deadline there is time for every bit, and on one machine
+    /// the bits cost nothing.
+    pub fn encoding(&self, is_local: bool) -> Encoding {
+        let unasked = if is_local || self.deadline.is_none() {
+            Encoding::Exact
+        } else {
+            Encoding::SharedExponent
+        };
+        self.pixels.unwrap_or(unasked)
     }
 
     /// The settings for a scene.
@@ -242,6 +257,15 @@ mod tests {
             (settings.vpls, settings.spp, settings.groups, settings.seed),
             (64, 4, 64, 7)
         );
+    }
+
+    #[test]
+    fn results_are_packed_when_they_come_from_elsewhere_and_there_is_a_deadline() {
+        let encodings = |flags: &str| [true, false].map(|is_local| job(flags).unwrap().encoding(is_local));
+        assert_eq!(encodings(""), [Encoding::Exact, Encoding::SharedExponent]);
+        assert_eq!(encodings("--no-deadline"), [Encoding::Exact; 2]);
+        assert_eq!(encodings("--pixels half"), [Encoding::Half; 2]);
+        assert_eq!(encodings("--pixels exact"), [Encoding::Exact; 2]);
     }
 
     #[test]

@@ -28,6 +28,8 @@ pub fn run(args: LocalWorkerArgs) -> anyhow::Result<()> {
         lifetime: Lifetime::OneMaster {
             token: env::var(TOKEN_VARIABLE).ok(),
         },
+        // The scene is on this machine already.
+        cache: None,
         version: VERSION.to_owned(),
     })?;
     Ok(())

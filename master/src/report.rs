@@ -88,6 +88,8 @@ pub struct WorkerReport {
     pub busy_s: f64,
     /// Its last Δt.
     pub delta_t_s: f64,
+    /// Bytes of the scene that were sent to it; 0 if it had the scene.
+    pub scene_bytes: u64,
     /// Why it left before the end.
     pub left: Option<String>,
 }

@@ -5,7 +5,11 @@ use std::{
     time::Duration,
 };
 
-use protocol::{ToWorker, WorkerId, message::Ping};
+use protocol::{
+    ToWorker, WorkerId,
+    envelope::{EncodeError, Sealed},
+    message::Ping,
+};
 use tokio::sync::mpsc;
 
 use crate::{connection::Joined, frame_time::FrameTime, link::Link, report::WorkerReport};
@@ -20,6 +24,7 @@ pub struct Roster {
     /// Of all who ever joined, in order.
     reports: Vec<WorkerReport>,
     slots_most: u32,
+    ping_next: u64,
 }
 
 /// One worker.
@@ -37,10 +42,9 @@ pub struct Member {
     pub prepared: bool,
     /// Whether it may ask for tasks.
     pub ready: bool,
-    outbox: mpsc::Sender<ToWorker>,
+    outbox: mpsc::Sender<Sealed>,
     /// Pings that are not answered, oldest first.
     pings: VecDeque<(u64, FrameTime)>,
-    ping_next: u64,
     report: usize,
 }
 
@@ -64,7 +68,6 @@ impl Roster {
             ready: false,
             outbox: joined.outbox,
             pings: VecDeque::new(),
-            ping_next: 0,
             report,
         };
         self.members.insert(joined.worker, member);
@@ -92,24 +95,43 @@ impl Roster {
 
     /// Puts a message into a worker's outbox. False if it has not read for so long that the box is full.
     #[must_use]
-    pub fn send(&self, worker: WorkerId, message: ToWorker) -> bool {
+    pub fn send(&self, worker: WorkerId, message: Sealed) -> bool {
         let member = self.members.get(&worker);
         // A worker that is gone needs no message and is no news.
         member.is_none_or(|member| member.send(message))
     }
 
     /// To all; those whose box is full find out by their silence.
-    pub fn send_all(&self, message: &ToWorker) {
+    pub fn send_all(&self, message: &ToWorker) -> Result<(), EncodeError> {
+        let message = Sealed::new(message)?;
         for member in self.members.values() {
             let _ = member.send(message.clone());
         }
+        Ok(())
     }
 
     /// Pings everyone: a sign of life, and a measurement.
-    pub fn ping_all(&mut self, now: FrameTime) {
+    pub fn ping_all(&mut self, now: FrameTime) -> Result<(), EncodeError> {
+        let (nonce, ping) = self.next_ping()?;
         for member in self.members.values_mut() {
-            member.send_ping(now);
+            member.send_ping(ping.clone(), nonce, now);
         }
+        Ok(())
+    }
+
+    /// Pings one worker, of whose way nothing is known.
+    pub fn ping(&mut self, worker: WorkerId, now: FrameTime) -> Result<(), EncodeError> {
+        let (nonce, ping) = self.next_ping()?;
+        if let Some(member) = self.members.get_mut(&worker) {
+            member.send_ping(ping, nonce, now);
+        }
+        Ok(())
+    }
+
+    fn next_ping(&mut self) -> Result<(u64, Sealed), EncodeError> {
+        let nonce = self.ping_next;
+        self.ping_next += 1;
+        Ok((nonce, Sealed::new(&ToWorker::Ping(Ping { nonce }))?))
     }
 
     /// Takes the answer to a ping and returns the new Δt.
@@ -153,17 +175,15 @@ impl Roster {
 }
 
 impl Member {
-    fn send(&self, message: ToWorker) -> bool {
+    fn send(&self, message: Sealed) -> bool {
         !matches!(
             self.outbox.try_send(message),
             Err(mpsc::error::TrySendError::Full(_))
         )
     }
 
-    fn send_ping(&mut self, now: FrameTime) {
-        let nonce = self.ping_next;
-        self.ping_next += 1;
-        if self.send(ToWorker::Ping(Ping { nonce })) {
+    fn send_ping(&mut self, ping: Sealed, nonce: u64, now: FrameTime) {
+        if self.send(ping) {
             if self.pings.len() == PINGS_REMEMBERED {
                 self.pings.pop_front();
             }

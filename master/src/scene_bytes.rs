@@ -1,21 +1,25 @@
-//! The scene as workers get it: bytes, known by their digest, given out part by part.
+//! The scene as workers get it: chunks, each asked for by itself, packed when one is first sent.
 //!
-//! A worker asks for each part when it has the one before. So never more than one part waits in front of
-//! a worker's other messages, and a slow network delays nobody else.
+//! A worker asks for a chunk when it has taken one before. So no more than two ever wait in front of a
+//! worker, its other messages overtake them, and a slow network delays nobody else. All workers share the
+//! bytes of a packed chunk.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use protocol::{
-    limits,
-    message::{ScenePart, SceneRef, Want, digest_text},
+    Digest, ToWorker,
+    bundle::pack,
+    envelope::{EncodeError, Sealed},
+    message::{SceneChunk, SceneRef, Want},
 };
 use render::scene::{Scene, geometry};
 
 /// What workers need of a scene; clones share the bytes.
 #[derive(Debug, Clone)]
 pub struct SceneBytes {
-    digest: String,
+    scene: Arc<SceneRef>,
     bytes: Arc<[u8]>,
+    packed: Arc<[OnceLock<Sealed>]>,
 }
 
 impl SceneBytes {
@@ -25,65 +29,102 @@ impl SceneBytes {
     }
 
     fn of(bytes: Vec<u8>) -> Self {
+        let scene = SceneRef::of(&bytes);
         Self {
-            digest: digest_text(blake3::hash(&bytes).as_bytes()),
+            packed: scene.chunks.iter().map(|_| OnceLock::new()).collect(),
+            scene: Arc::new(scene),
             bytes: bytes.into(),
         }
     }
 
     /// What workers are told at first.
-    pub fn reference(&self) -> SceneRef {
-        SceneRef {
-            digest: self.digest.clone(),
-            bytes: self.bytes.len() as u64,
-        }
+    pub fn reference(&self) -> &SceneRef {
+        &self.scene
     }
 
-    /// The digest of the bytes, as text.
-    pub fn digest(&self) -> &str {
-        &self.digest
+    /// By which the scene is known.
+    pub fn digest(&self) -> Digest {
+        self.scene.digest
     }
 
-    /// The part that a worker wants; `None` if there is no such part.
-    pub fn part(&self, want: &Want) -> Option<ScenePart> {
-        if want.digest != self.digest {
-            return None;
+    /// The chunk that a worker wants; `None` if there is no such chunk. On one machine, packing would only
+    /// take time.
+    pub fn chunk(&self, want: Want, is_local: bool) -> Result<Option<Sealed>, EncodeError> {
+        let place = self.scene.chunk(want.chunk);
+        let (Some(place), true) = (place, want.digest == self.scene.digest) else {
+            return Ok(None);
+        };
+        let bytes = &self.bytes[place];
+        if is_local {
+            return seal(want, bytes.to_vec()).map(Some);
         }
-        let from = usize::try_from(want.from).ok()?;
-        let rest = self.bytes.get(from..).filter(|rest| !rest.is_empty())?;
-        let data = &rest[..rest.len().min(limits::SCENE_PART_BYTES)];
-        Some(ScenePart {
-            digest: want.digest.clone(),
-            from: want.from,
-            data: data.to_vec().into(),
-        })
+        let packed = &self.packed[want.chunk as usize];
+        if packed.get().is_none() {
+            // Only one thread sends, so nobody was faster.
+            let _ = packed.set(seal(want, pack(bytes))?);
+        }
+        Ok(packed.get().cloned())
     }
+}
+
+fn seal(want: Want, data: Vec<u8>) -> Result<Sealed, EncodeError> {
+    let Want { digest, chunk } = want;
+    let data = data.into();
+    Sealed::new(&ToWorker::SceneChunk(SceneChunk { digest, chunk, data }))
 }
 
 #[cfg(test)]
 mod tests {
+    use protocol::{
+        bundle::unpack,
+        envelope::{Decoded, Decoder},
+        limits::SCENE_CHUNK_BYTES,
+    };
+
     use super::*;
 
+    fn data(sealed: &Sealed) -> Vec<u8> {
+        let mut decoder = Decoder::new();
+        decoder.handshake_done();
+        decoder.push(sealed.bytes());
+        match decoder.decode() {
+            Ok(Decoded::Message(ToWorker::SceneChunk(chunk))) => chunk.data.into_vec(),
+            other => panic!("not a chunk: {other:?}"),
+        }
+    }
+
+    fn want(scene: &SceneBytes, chunk: u32) -> Want {
+        let digest = scene.digest();
+        Want { digest, chunk }
+    }
+
     #[test]
-    fn parts_follow_each_other_to_the_end_and_no_further() {
-        let whole: Vec<u8> = (0..limits::SCENE_PART_BYTES + 7).map(|i| i as u8).collect();
+    fn every_chunk_can_be_had_packed_or_as_it_is_and_no_other() {
+        let whole: Vec<u8> = (0..SCENE_CHUNK_BYTES + 7).map(|i| (i / 50) as u8).collect();
         let scene = SceneBytes::of(whole.clone());
-        let mut got: Vec<u8> = Vec::new();
-        while got.len() < whole.len() {
-            let want = Want {
-                digest: scene.digest().to_owned(),
-                from: got.len() as u64,
-            };
-            got.extend(scene.part(&want).unwrap().data.iter());
+        let mut back = vec![0; whole.len()];
+        for chunk in [0, 1] {
+            let place = scene.reference().chunk(chunk).unwrap();
+            let local = scene.chunk(want(&scene, chunk), true).unwrap().unwrap();
+            assert_eq!(data(&local), whole[place.clone()]);
+            let packed = scene.chunk(want(&scene, chunk), false).unwrap().unwrap();
+            let digest = scene.reference().chunks[chunk as usize];
+            unpack(&data(&packed), digest, &mut back[place]).unwrap();
         }
-        assert_eq!(got, whole);
-        for (digest, from) in [
-            (scene.digest(), whole.len() as u64),
-            (scene.digest(), u64::MAX),
-            ("other", 0),
-        ] {
-            let digest = digest.to_owned();
-            assert_eq!(scene.part(&Want { digest, from }), None);
+        assert_eq!(back, whole);
+        let other = Want {
+            digest: Digest::of(b"other"),
+            chunk: 0,
+        };
+        for beyond in [want(&scene, 2), want(&scene, u32::MAX), other] {
+            assert!(scene.chunk(beyond, false).unwrap().is_none());
         }
+    }
+
+    #[test]
+    fn a_chunk_is_packed_once_for_all_workers() {
+        let scene = SceneBytes::of(vec![3; 1000]);
+        let [one, other] = [0, 0].map(|chunk| scene.chunk(want(&scene, chunk), false).unwrap().unwrap());
+        assert!(std::ptr::eq(one.bytes(), other.bytes()));
     }
 }

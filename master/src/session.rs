@@ -252,7 +252,8 @@ impl Session {
             Some(Ready::Traceable(traceable)) => {
                 self.prepared.bvh = traceable.bvh;
                 if let Some(settings) = self.prepared.settings {
-                    self.frame.traceable(&settings, &traceable);
+                    let begun = self.frame.traceable(&settings, &traceable);
+                    begun.or_exit(Exit::Unforeseen)?;
                 }
             }
             Some(Ready::Aovs(aovs)) => self.prepared.aovs = Some(aovs),

@@ -1,6 +1,6 @@
 //! Between the words of the wire and our own.
 
-use protocol::message::Frame;
+use protocol::{message::Frame, radiance::Encoding};
 use render::{
     settings::{Algorithm, LightPoints, Settings},
     task::{Component, Task},
@@ -35,12 +35,18 @@ pub fn task_from_wire(task: protocol::Task) -> Task {
     }
 }
 
-/// All that a worker must know of a frame.
-pub fn frame_to_wire(frame: protocol::FrameId, settings: &Settings, vpl_sets: &[VplSet]) -> Frame {
+/// All that a worker must know of a frame, and how it is to write its results.
+pub fn frame_to_wire(
+    frame: protocol::FrameId,
+    settings: &Settings,
+    vpl_sets: &[VplSet],
+    radiance: Encoding,
+) -> Frame {
     Frame {
         frame,
         settings: settings_to_wire(settings),
         vpl_sets: vpl_sets.iter().map(|set| set.to_bytes().into()).collect(),
+        radiance,
     }
 }
 

@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use protocol::connection;
 use protocol::message::{Request, TaskResult, ToMaster, ToWorker};
+use protocol::radiance::Encoding;
 use protocol::{Component, FrameId, Radiance, Task, envelope};
 use tokio::time::{MissedTickBehavior, interval};
 
@@ -65,7 +66,7 @@ fn result(group: u32) -> ToMaster {
             index: 3,
         },
         pixels: PIXELS,
-        radiance: Radiance(vec![0.25; 3 * PIXELS as usize]),
+        radiance: Radiance::pack(&vec![0.25; 3 * PIXELS as usize], Encoding::SharedExponent),
         primary_rays: 0,
         shadow_rays: u64::from(PIXELS) * 16,
         busy_us: 10_000,
@@ -120,7 +121,7 @@ fn receive_messages(stream: TcpStream) {
         let mut light = 0.0;
         while let Some(message) = reader.read().await.unwrap() {
             if let ToMaster::Result(result) = message {
-                light += result.radiance.0[7];
+                light += result.radiance.unpack()[7];
             }
         }
         assert!((light - 0.25 * RESULTS as f32).abs() < 1e-3);

@@ -4,16 +4,21 @@ use std::collections::VecDeque;
 use std::io::{self, IoSlice};
 use std::marker::PhantomData;
 
+use socket2::SockRef;
 use thiserror::Error;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 
-use crate::envelope::{self, Decoded, Decoder, EncodeError, EnvelopeError};
+use crate::envelope::{Decoded, Decoder, EncodeError, EnvelopeError, Sealed};
 use crate::message::Message;
 
 /// Envelopes that go to the system in one call.
 const ENVELOPES_PER_CALL: usize = 16;
+
+/// Bytes that the system may hold before the first of them is on the wire: enough to keep the network
+/// busy, and no more, since an urgent message cannot overtake them.
+const UNSENT_BYTES: u32 = 128 << 10;
 
 /// Why nothing more can be read.
 #[derive(Debug, Error)]
@@ -52,7 +57,7 @@ pub struct Reader<M, S = OwnedReadHalf> {
 #[derive(Debug)]
 pub struct Writer<M, S = OwnedWriteHalf> {
     stream: S,
-    queue: VecDeque<Vec<u8>>,
+    queue: VecDeque<Sealed>,
     /// Bytes of the first envelope that are written already.
     written: usize,
     direction: PhantomData<fn(M)>,
@@ -60,10 +65,16 @@ pub struct Writer<M, S = OwnedWriteHalf> {
 
 /// Both ends of a connection, for `In` to be read and `Out` to be written.
 pub fn open<In: Message, Out: Message>(stream: TcpStream) -> io::Result<(Reader<In>, Writer<Out>)> {
-    // A request of 30 bytes must not wait for company.
-    stream.set_nodelay(true)?;
+    tune(&stream)?;
     let (read_half, write_half) = stream.into_split();
     Ok((Reader::new(read_half), Writer::new(write_half)))
+}
+
+/// Sets a connection up for short messages between long ones.
+pub fn tune(stream: &TcpStream) -> io::Result<()> {
+    // A request of 30 bytes must not wait for company.
+    stream.set_nodelay(true)?;
+    SockRef::from(stream).set_tcp_notsent_lowat(UNSENT_BYTES)
 }
 
 impl<M: Message, S: AsyncRead + Unpin> Reader<M, S> {
@@ -113,10 +124,22 @@ impl<M: Message, S: AsyncWrite + Unpin> Writer<M, S> {
         }
     }
 
-    /// Puts a message at the end of the queue; [`Self::flush`] carries it away.
+    /// Puts a message into the queue; [`Self::flush`] carries it away.
     pub fn push(&mut self, message: &M) -> Result<(), EncodeError> {
-        self.queue.push_back(envelope::encode(message)?);
+        self.push_sealed(Sealed::new(message)?);
         Ok(())
+    }
+
+    /// Puts an envelope at the end of the queue, or before all that is less urgent and not begun.
+    pub fn push_sealed(&mut self, envelope: Sealed) {
+        let begun = usize::from(self.written > 0);
+        let place = if envelope.is_urgent() {
+            let waiting = self.queue.iter().skip(begun);
+            begun + waiting.take_while(|waiting| waiting.is_urgent()).count()
+        } else {
+            self.queue.len()
+        };
+        self.queue.insert(place, envelope);
     }
 
     /// Whether everything pushed was written.
@@ -126,7 +149,8 @@ impl<M: Message, S: AsyncWrite + Unpin> Writer<M, S> {
 
     /// Bytes that wait.
     pub fn queued_bytes(&self) -> usize {
-        self.queue.iter().map(Vec::len).sum::<usize>() - self.written
+        let bytes = self.queue.iter().map(|envelope| envelope.bytes().len());
+        bytes.sum::<usize>() - self.written
     }
 
     /// Writes until the queue is empty.
@@ -137,7 +161,7 @@ impl<M: Message, S: AsyncWrite + Unpin> Writer<M, S> {
             let mut slices = [IoSlice::new(&[]); ENVELOPES_PER_CALL];
             let mut skipped = self.written;
             for (slice, envelope) in slices.iter_mut().zip(&self.queue) {
-                *slice = IoSlice::new(&envelope[std::mem::take(&mut skipped)..]);
+                *slice = IoSlice::new(&envelope.bytes()[std::mem::take(&mut skipped)..]);
             }
             let count = self.stream.write_vectored(&slices).await?;
             if count == 0 {
@@ -164,9 +188,9 @@ impl<M: Message, S: AsyncWrite + Unpin> Writer<M, S> {
     fn forget(&mut self, count: usize) {
         self.written += count;
         while let Some(first) = self.queue.front()
-            && self.written >= first.len()
+            && self.written >= first.bytes().len()
         {
-            self.written -= first.len();
+            self.written -= first.bytes().len();
             self.queue.pop_front();
         }
     }
@@ -177,6 +201,7 @@ mod tests {
     use super::*;
     use crate::ids::FrameId;
     use crate::message::{Pong, Request, TaskResult, ToMaster};
+    use crate::radiance::Encoding;
     use crate::{Component, Radiance, Task};
 
     fn conversation() -> Vec<ToMaster> {
@@ -190,7 +215,7 @@ mod tests {
                 frame: FrameId(1),
                 task,
                 pixels,
-                radiance: Radiance(vec![0.25; 3 * pixels as usize]),
+                radiance: Radiance::pack(&vec![0.25; 3 * pixels as usize], Encoding::Exact),
                 primary_rays: 1,
                 shadow_rays: 2,
                 busy_us: 3,
@@ -201,7 +226,7 @@ mod tests {
             tasks: 2,
         });
         let pong = ToMaster::Pong(Pong { nonce: 9 });
-        vec![request, result(12_288), pong, result(0), result(50_000)]
+        vec![pong, request, result(12_288), result(0), result(50_000)]
     }
 
     #[tokio::test]
@@ -249,9 +274,41 @@ mod tests {
         assert_eq!(writer.queued_bytes(), 0);
     }
 
+    /// The pixels that have begun go on; those that have not wait.
+    #[tokio::test]
+    async fn an_urgent_message_overtakes_all_pixels_but_those_that_are_on_their_way() {
+        let (one, other) = tokio::io::duplex(1000);
+        let mut writer = Writer::new(one);
+        let mut reader = Reader::<ToMaster, _>::new(other);
+        reader.handshake_done();
+        let [first_pong, request, first, second, third] = conversation().try_into().unwrap();
+        for message in [&request, &first, &second] {
+            writer.push(message).unwrap();
+        }
+        tokio::select! {
+            biased;
+            flushed = writer.flush() => panic!("the pipe is too narrow for {flushed:?}"),
+            () = tokio::task::yield_now() => {}
+        }
+        let second_pong = ToMaster::Pong(Pong { nonce: 10 });
+        for message in [&first_pong, &third, &second_pong] {
+            writer.push(message).unwrap();
+        }
+        let write = async {
+            writer.flush().await.unwrap();
+            drop(writer);
+        };
+        let read = async {
+            for expected in [request, first, first_pong, second_pong, second, third] {
+                assert_eq!(reader.read().await.unwrap(), Some(expected));
+            }
+        };
+        tokio::join!(write, read);
+    }
+
     #[tokio::test]
     async fn a_peer_that_closes_in_mid_envelope_is_noticed() {
-        let bytes = envelope::encode(&ToMaster::Pong(Pong { nonce: 9 })).unwrap();
+        let bytes = crate::envelope::encode(&ToMaster::Pong(Pong { nonce: 9 })).unwrap();
         let mut reader = Reader::<ToMaster, _>::new(&bytes[..bytes.len() - 1]);
         assert!(matches!(reader.read().await, Err(ReadError::CutShort)));
     }

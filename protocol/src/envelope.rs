@@ -1,5 +1,7 @@
 //! Bytes ⇄ messages, without any I/O: a big-endian length of four bytes, then the `MessagePack`.
 
+use std::sync::Arc;
+
 use rmp_serde::decode::Error as MessagePackError;
 use serde::Deserialize;
 use thiserror::Error;
@@ -14,7 +16,7 @@ const FIELDS_BYTES: usize = 256;
 const PIECE_BYTES: usize = 16 << 10;
 
 /// What an idle decoder keeps; a larger buffer is given back.
-const KEEP_BYTES: usize = 1 << 20;
+const KEEP_BYTES: usize = 256 << 10;
 
 /// A peer's bytes are no message of this protocol. The connection cannot go on.
 #[derive(Debug, Error)]
@@ -92,6 +94,33 @@ pub fn encode<M: Message>(message: &M) -> Result<Vec<u8>, EncodeError> {
             bytes,
             limit_bytes: limits::ENVELOPE_BYTES,
         }),
+    }
+}
+
+/// A message in its envelope, encoded once for however many peers it goes to.
+#[derive(Clone, Debug)]
+pub struct Sealed {
+    bytes: Arc<Vec<u8>>,
+    is_urgent: bool,
+}
+
+impl Sealed {
+    /// Encodes a message.
+    pub fn new<M: Message>(message: &M) -> Result<Self, EncodeError> {
+        Ok(Self {
+            bytes: Arc::new(encode(message)?),
+            is_urgent: message.is_urgent(),
+        })
+    }
+
+    /// What goes on the wire.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// See [`Message::is_urgent`].
+    pub fn is_urgent(&self) -> bool {
+        self.is_urgent
     }
 }
 

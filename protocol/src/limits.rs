@@ -31,11 +31,15 @@ pub const TEXT_BYTES: usize = 1024;
 /// A whole scene: 40 million triangles or so.
 pub const SCENE_BYTES: u64 = 1 << 30;
 
-/// One part of a scene: 8 ms on a network of 1 Gbit/s, so that control messages never wait for long.
-pub const SCENE_PART_BYTES: usize = 1 << 20;
+/// A chunk of a scene, unpacked: 2 ms on a network of 1 Gbit/s, so that control messages never wait for
+/// long.
+pub const SCENE_CHUNK_BYTES: usize = 256 << 10;
 
-/// A scene's digest, as text.
-pub const DIGEST_BYTES: usize = 128;
+/// Chunks of a scene.
+pub const SCENE_CHUNKS: usize = (SCENE_BYTES as usize).div_ceil(SCENE_CHUNK_BYTES);
+
+/// A digest: BLAKE3.
+pub const DIGEST_BYTES: usize = 32;
 
 /// Threads of one worker.
 pub const SLOTS: u32 = 1024;

@@ -7,9 +7,10 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_bytes::ByteBuf;
 
+use crate::digest::Digest;
 use crate::ids::{FrameId, WorkerId};
 use crate::limits::{self, LimitError, at_most, one_to};
-use crate::radiance::Radiance;
+use crate::radiance::{Encoding, Radiance};
 use crate::settings::Settings;
 use crate::task::Task;
 
@@ -20,7 +21,7 @@ use crate::task::Task;
 pub enum ToMaster {
     /// First of all: who wants to join.
     Hello(Hello),
-    /// The scene is not here: please send it, or more of it.
+    /// A chunk of the scene is not here: please send it.
     Want(Want),
     /// The scene is in memory, its BVH built.
     Prepared(Prepared),
@@ -47,8 +48,8 @@ pub enum ToWorker {
     Refused(Refused),
     /// Get a scene ready.
     Prepare(Prepare),
-    /// A part of a scene, as was asked for.
-    ScenePart(ScenePart),
+    /// A chunk of a scene, as was asked for.
+    SceneChunk(SceneChunk),
     /// A frame begins; an earlier one is over.
     Frame(Frame),
     /// Tasks to do, and how long results are of use.
@@ -81,20 +82,20 @@ pub struct Hello {
     pub token: Option<String>,
 }
 
-/// The scene is not here, or not all of it. Each of these is answered by one `scene_part`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// A chunk of the scene is not here. Each of these is answered by one `scene_chunk`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Want {
     /// That of the `prepare`.
-    pub digest: String,
-    /// The first byte that is wanted.
-    pub from: u64,
+    pub digest: Digest,
+    /// Which chunk, `chunk < chunks`.
+    pub chunk: u32,
 }
 
 /// The scene is in memory, its BVH built.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Prepared {
     /// That of the `prepare`.
-    pub digest: String,
+    pub digest: Digest,
     /// Time to decode the scene, in microseconds; 0 if it was still in memory.
     pub load_us: u64,
     /// Time to build the BVH, in microseconds; 0 if the scene was still in memory.
@@ -147,7 +148,7 @@ pub struct TaskResult {
     /// How many pixels of the group were done, in the group's order; 0 is possible.
     pub pixels: u32,
     /// `pixels` × [`floats_per_pixel`](crate::Component::floats_per_pixel) values: radiance per
-    /// unit albedo, W·m⁻²·sr⁻¹.
+    /// unit albedo, W·m⁻²·sr⁻¹, in whatever encoding.
     pub radiance: Radiance,
     /// Rays from the camera that were traced.
     pub primary_rays: u64,
@@ -194,23 +195,26 @@ pub struct Prepare {
     pub scene: SceneRef,
 }
 
-/// A scene, known by its content: camera, triangles, emitters, as `docs/protocol.md` lays them out.
+/// A scene, known by its content; see [`bundle`](crate::bundle).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneRef {
-    /// BLAKE3 of the scene's bytes, in lower-case hexadecimal.
-    pub digest: String,
+    /// BLAKE3 of `bytes`, as eight little-endian bytes, and the digests of all chunks.
+    pub digest: Digest,
     /// How many bytes it has.
     pub bytes: u64,
+    /// BLAKE3 of each chunk of [`SCENE_CHUNK_BYTES`](limits::SCENE_CHUNK_BYTES); the last may be shorter.
+    #[serde(deserialize_with = "crate::bounded::vec::<_, _, { limits::SCENE_CHUNKS }>")]
+    pub chunks: Vec<Digest>,
 }
 
-/// A part of a scene.
+/// A chunk of a scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ScenePart {
+pub struct SceneChunk {
     /// That of the `want`.
-    pub digest: String,
-    /// The first byte, as in the `want`.
-    pub from: u64,
-    /// The bytes; at least one.
+    pub digest: Digest,
+    /// Which chunk, as in the `want`.
+    pub chunk: u32,
+    /// The chunk as [`pack`](crate::bundle::pack) leaves it.
     pub data: ByteBuf,
 }
 
@@ -224,6 +228,9 @@ pub struct Frame {
     /// The VPLs, set by set: [`VPL_BYTES`](crate::limits::VPL_BYTES) each.
     #[serde(deserialize_with = "crate::bounded::vec::<_, _, { limits::VPL_SETS as usize }>")]
     pub vpl_sets: Vec<ByteBuf>,
+    /// How results are to be packed.
+    #[serde(default)]
+    pub radiance: Encoding,
 }
 
 /// Tasks to do.
@@ -275,6 +282,10 @@ pub trait Message: Serialize + DeserializeOwned + sealed::Sealed {
 
     /// About how many bytes of pixels and the like a buffer for it should have room for.
     fn bulk_bytes(&self) -> usize;
+
+    /// Whether it goes before messages that wait and are not urgent. Messages that are equally urgent
+    /// keep their order.
+    fn is_urgent(&self) -> bool;
 }
 
 impl Message for ToMaster {
@@ -294,12 +305,10 @@ impl Message for ToMaster {
     fn check(&self) -> Result<(), LimitError> {
         match self {
             Self::Hello(hello) => hello.check(),
-            Self::Want(want) => digest_at_most("want.digest", &want.digest),
-            Self::Prepared(prepared) => digest_at_most("prepared.digest", &prepared.digest),
             Self::Failed(failed) => at_most("failed.message", failed.message.len(), limits::TEXT_BYTES),
             Self::Request(request) => one_to("request.tasks", request.tasks, limits::leases(limits::SLOTS)),
             Self::Result(result) => result.check(),
-            Self::Pong(_) => Ok(()),
+            Self::Want(_) | Self::Prepared(_) | Self::Pong(_) => Ok(()),
             Self::Leaving(leaving) => at_most("leaving.reason", leaving.reason.len(), limits::TEXT_BYTES),
         }
     }
@@ -310,6 +319,11 @@ impl Message for ToMaster {
             _ => 0,
         }
     }
+
+    /// Requests are not: what they ask for is paid for by the results before them.
+    fn is_urgent(&self) -> bool {
+        matches!(self, Self::Want(_) | Self::Pong(_))
+    }
 }
 
 impl Message for ToWorker {
@@ -318,7 +332,7 @@ impl Message for ToWorker {
             Self::Welcome(_) => "welcome",
             Self::Refused(_) => "refused",
             Self::Prepare(_) => "prepare",
-            Self::ScenePart(_) => "scene_part",
+            Self::SceneChunk(_) => "scene_chunk",
             Self::Frame(_) => "frame",
             Self::Assign(_) => "assign",
             Self::CutOff(_) => "cut_off",
@@ -335,7 +349,7 @@ impl Message for ToWorker {
             }
             Self::Refused(refused) => at_most("refused.reason", refused.reason.len(), limits::TEXT_BYTES),
             Self::Prepare(prepare) => prepare.scene.check(),
-            Self::ScenePart(part) => part.check(),
+            Self::SceneChunk(chunk) => chunk.check(),
             Self::Frame(frame) => frame.check(),
             Self::Assign(assign) => check_tasks(assign.tasks.len()),
             Self::CutOff(_) | Self::EndFrame(_) | Self::Ping(_) | Self::Shutdown(_) => Ok(()),
@@ -345,9 +359,15 @@ impl Message for ToWorker {
     fn bulk_bytes(&self) -> usize {
         match self {
             Self::Frame(frame) => frame.vpl_sets.iter().map(|set| set.len() + 5).sum(),
-            Self::ScenePart(part) => part.data.len(),
+            Self::Prepare(prepare) => prepare.scene.chunks.len() * (limits::DIGEST_BYTES + 2),
+            Self::SceneChunk(chunk) => chunk.data.len(),
             _ => 0,
         }
+    }
+
+    /// A scene must not delay the frame of another one, nor a ping.
+    fn is_urgent(&self) -> bool {
+        !matches!(self, Self::SceneChunk(_))
     }
 }
 
@@ -388,10 +408,10 @@ impl TaskResult {
             });
         }
         let values = self.pixels as usize * self.task.component.floats_per_pixel();
-        if self.radiance.0.len() != values {
-            let value = format!("{} values", self.radiance.0.len());
+        if self.radiance.values() != Some(values) {
+            let value = format!("{} bytes", self.radiance.bytes());
             let allowed = format!(
-                "{values} for {} pixels of a {} task",
+                "{values} values for {} pixels of a {} task",
                 self.pixels,
                 self.task.component.name()
             );
@@ -407,22 +427,28 @@ impl TaskResult {
 
 impl SceneRef {
     fn check(&self) -> Result<(), LimitError> {
-        digest_at_most("prepare.scene.digest", &self.digest)?;
-        if (1..=limits::SCENE_BYTES).contains(&self.bytes) {
-            return Ok(());
+        if !(1..=limits::SCENE_BYTES).contains(&self.bytes) {
+            return Err(LimitError {
+                what: "prepare.scene.bytes",
+                value: self.bytes.to_string(),
+                allowed: format!("1 to {}", limits::SCENE_BYTES),
+            });
         }
-        Err(LimitError {
-            what: "prepare.scene.bytes",
-            value: self.bytes.to_string(),
-            allowed: format!("1 to {}", limits::SCENE_BYTES),
-        })
+        let chunks = self.bytes.div_ceil(limits::SCENE_CHUNK_BYTES as u64);
+        if self.chunks.len() as u64 != chunks {
+            return Err(LimitError {
+                what: "prepare.scene.chunks (count)",
+                value: self.chunks.len().to_string(),
+                allowed: format!("{chunks} for {} bytes", self.bytes),
+            });
+        }
+        Ok(())
     }
 }
 
-impl ScenePart {
+impl SceneChunk {
     fn check(&self) -> Result<(), LimitError> {
-        digest_at_most("scene_part.digest", &self.digest)?;
-        at_most("scene_part.data", self.data.len(), limits::SCENE_PART_BYTES)
+        at_most("scene_chunk.data", self.data.len(), limits::SCENE_CHUNK_BYTES)
     }
 }
 
@@ -451,10 +477,6 @@ fn check_tasks(tasks: usize) -> Result<(), LimitError> {
     })
 }
 
-fn digest_at_most(what: &'static str, digest: &str) -> Result<(), LimitError> {
-    at_most(what, digest.len(), limits::DIGEST_BYTES)
-}
-
 /// A text for a message's `reason` or `message`, shortened to what may be sent.
 pub fn text(text: impl Into<String>) -> String {
     let mut text = text.into();
@@ -464,15 +486,6 @@ pub fn text(text: impl Into<String>) -> String {
     }
     text.truncate(end);
     text
-}
-
-/// A digest's bytes as messages have them: lower-case hexadecimal.
-pub fn digest_text(digest: &[u8]) -> String {
-    const DIGITS: &[u8; 16] = b"0123456789abcdef";
-    let digits = digest.iter().flat_map(|byte| [byte >> 4, byte & 15]);
-    digits
-        .map(|digit| char::from(DIGITS[usize::from(digit)]))
-        .collect()
 }
 
 mod sealed {
@@ -523,7 +536,7 @@ mod tests {
             frame: FrameId(1),
             task,
             pixels,
-            radiance: Radiance(vec![0.0; values]),
+            radiance: Radiance::pack(&vec![0.0; values], Encoding::SharedExponent),
             primary_rays: 0,
             shadow_rays: 0,
             busy_us: 0,
@@ -538,8 +551,22 @@ mod tests {
     }
 
     #[test]
-    fn a_digest_is_written_in_hexadecimal() {
-        assert_eq!(digest_text(&[0x00, 0x9a, 0xff]), "009aff");
+    fn a_scene_names_exactly_the_chunks_that_it_has() {
+        let scene = |bytes, chunks| SceneRef {
+            bytes,
+            chunks: vec![Digest::of(b"red"); chunks],
+            digest: Digest::of(b"red"),
+        };
+        let refused = |bytes, chunks| scene(bytes, chunks).check().unwrap_err().what;
+        assert_eq!(scene(limits::SCENE_CHUNK_BYTES as u64 + 1, 2).check(), Ok(()));
+        assert_eq!(scene(limits::SCENE_BYTES, limits::SCENE_CHUNKS).check(), Ok(()));
+        assert_eq!(refused(0, 0), "prepare.scene.bytes");
+        assert_eq!(
+            refused(limits::SCENE_BYTES + 1, limits::SCENE_CHUNKS),
+            "prepare.scene.bytes"
+        );
+        assert_eq!(refused(100, 2), "prepare.scene.chunks (count)");
+        assert_eq!(refused(limits::SCENE_BYTES, 1), "prepare.scene.chunks (count)");
     }
 
     #[test]

@@ -8,8 +8,9 @@ use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 use protocol::envelope::{Decoded, Decoder, EnvelopeError, encode};
 use protocol::message::*;
+use protocol::radiance::Encoding;
 use protocol::settings::{Algorithm, LightPoints, Settings};
-use protocol::{Component, FrameId, Radiance, Task, ToMaster, ToWorker, WorkerId, limits};
+use protocol::{Component, Digest, FrameId, Radiance, Task, ToMaster, ToWorker, WorkerId, limits};
 use serde_bytes::ByteBuf;
 
 fn component() -> impl Strategy<Value = Component> {
@@ -55,9 +56,18 @@ fn hello() -> impl Strategy<Value = Hello> {
     )
 }
 
+fn encoding() -> impl Strategy<Value = Encoding> {
+    prop_oneof![
+        Just(Encoding::Exact),
+        Just(Encoding::Half),
+        Just(Encoding::SharedExponent)
+    ]
+}
+
 fn result() -> impl Strategy<Value = TaskResult> {
     let rays = (any::<u64>(), any::<u64>(), any::<u64>());
-    (frame(), task(), 0..3000_u32, any::<f32>(), rays).prop_map(|(frame, task, pixels, first, rays)| {
+    let light = (any::<f32>(), encoding());
+    (frame(), task(), 0..3000_u32, light, rays).prop_map(|(frame, task, pixels, (first, encoding), rays)| {
         let values = pixels as usize * task.component.floats_per_pixel();
         let mut radiance = vec![0.5; values];
         if let Some(value) = radiance.first_mut()
@@ -69,7 +79,7 @@ fn result() -> impl Strategy<Value = TaskResult> {
             frame,
             task,
             pixels,
-            radiance: Radiance(radiance),
+            radiance: Radiance::pack(&radiance, encoding),
             primary_rays: rays.0,
             shadow_rays: rays.1,
             busy_us: rays.2,
@@ -97,10 +107,13 @@ fn failed() -> impl Strategy<Value = Failed> {
         })
 }
 
+fn digest() -> impl Strategy<Value = Digest> {
+    any::<[u8; limits::DIGEST_BYTES]>().prop_map(Digest)
+}
+
 fn to_master() -> impl Strategy<Value = ToMaster> {
-    let digest = || text(limits::DIGEST_BYTES);
     prop_oneof![
-        (digest(), any::<u64>()).prop_map(|(digest, from)| ToMaster::Want(Want { digest, from })),
+        (digest(), any::<u32>()).prop_map(|(digest, chunk)| ToMaster::Want(Want { digest, chunk })),
         hello().prop_map(ToMaster::Hello),
         (digest(), any::<u64>(), any::<u64>()).prop_map(|(digest, load_us, bvh_us)| ToMaster::Prepared(
             Prepared {
@@ -145,13 +158,12 @@ fn settings() -> impl Strategy<Value = Settings> {
 
 fn to_worker() -> impl Strategy<Value = ToWorker> {
     let sets = vec(vec(any::<u8>(), 0..200).prop_map(ByteBuf::from), 0..20);
-    let scene = (text(limits::DIGEST_BYTES), 1..=limits::SCENE_BYTES)
-        .prop_map(|(digest, bytes)| SceneRef { digest, bytes });
-    let part = (
-        text(limits::DIGEST_BYTES),
-        any::<u64>(),
-        vec(any::<u8>(), 0..2_000),
-    );
+    let scene = vec(digest(), 1..20).prop_map(|chunks| SceneRef {
+        digest: chunks[0],
+        bytes: (chunks.len() * limits::SCENE_CHUNK_BYTES) as u64,
+        chunks,
+    });
+    let chunk = (digest(), any::<u32>(), vec(any::<u8>(), 0..2_000));
     let tasks = vec(task(), 0..=limits::TASKS_PER_ASSIGN / 8);
     prop_oneof![
         (any::<u32>(), text(limits::VERSION_BYTES)).prop_map(|(id, version)| ToWorker::Welcome(Welcome {
@@ -160,16 +172,19 @@ fn to_worker() -> impl Strategy<Value = ToWorker> {
         })),
         text(limits::TEXT_BYTES).prop_map(|reason| ToWorker::Refused(Refused { reason })),
         scene.prop_map(|scene| ToWorker::Prepare(Prepare { scene })),
-        part.prop_map(|(digest, from, data)| ToWorker::ScenePart(ScenePart {
+        chunk.prop_map(|(digest, chunk, data)| ToWorker::SceneChunk(SceneChunk {
             digest,
-            from,
+            chunk,
             data: ByteBuf::from(data),
         })),
-        (frame(), settings(), sets).prop_map(|(frame, settings, vpl_sets)| ToWorker::Frame(Frame {
-            frame,
-            settings,
-            vpl_sets
-        })),
+        (frame(), settings(), sets, encoding()).prop_map(|(frame, settings, vpl_sets, radiance)| {
+            ToWorker::Frame(Frame {
+                frame,
+                settings,
+                vpl_sets,
+                radiance,
+            })
+        }),
         (frame(), tasks, option::of(any::<u64>())).prop_map(|(frame, tasks, send_within_us)| {
             ToWorker::Assign(Assign {
                 frame,

@@ -10,6 +10,7 @@ use protocol::{
     FrameId, Radiance, Task, ToMaster, ToWorker,
     envelope::{Decoded, Decoder, encode},
     message::{Assign, Hello, Pong, Prepared, Request, TaskResult},
+    radiance::Encoding,
     settings::Settings,
     version::{MAGIC, PROTOCOL},
 };
@@ -159,7 +160,10 @@ impl PeerFrame {
             frame: self.id,
             task,
             pixels,
-            radiance: Radiance(vec![value; pixels as usize * task.component.floats_per_pixel()]),
+            radiance: Radiance::pack(
+                &vec![value; pixels as usize * task.component.floats_per_pixel()],
+                Encoding::Exact,
+            ),
             primary_rays: 0,
             shadow_rays: 0,
             busy_us: 1,

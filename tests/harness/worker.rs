@@ -24,6 +24,8 @@ impl Worker {
         let mut child = Command::new(program("worker"))
             .args(["--connect", &master.to_string(), "--name", name])
             .args(["--slots", &slots.to_string()])
+            // What other tests left on disk must not matter.
+            .args(["--cache-bytes", "0"])
             .current_dir(root())
             .env_remove("RUST_LOG")
             .stdin(Stdio::null())

@@ -14,12 +14,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use protocol::message::{
-    Assign, Frame as FrameMessage, Prepare, ScenePart, SceneRef, Shutdown, Welcome, digest_text,
-};
+use protocol::message::{Assign, Frame as FrameMessage, Prepare, SceneChunk, SceneRef, Shutdown, Welcome};
+use protocol::radiance::Encoding;
 use protocol::settings::{Algorithm, LightPoints, Settings};
-use protocol::{Component, FrameId, Task, ToMaster, ToWorker, WorkerId, connection};
-use serde_bytes::ByteBuf;
+use protocol::{Component, FrameId, Radiance, Task, ToMaster, ToWorker, WorkerId, connection};
 use tokio::net::TcpListener;
 use worker::clock::Clock;
 use worker::renderer::{Frame, LoadedScene, Output, Renderer, Scene};
@@ -141,6 +139,7 @@ fn pulled(work: Work) -> Duration {
             slots: SLOTS,
             name: "bench".to_owned(),
             lifetime: Lifetime::OneMaster { token: None },
+            cache: None,
             version: "bench".to_owned(),
         };
         let renderer = Box::new(Shining(work.effort));
@@ -158,14 +157,12 @@ async fn serve(listener: &TcpListener, total: u32) -> Duration {
     let (stream, _) = listener.accept().await.unwrap();
     let (mut reader, mut writer) = connection::open::<ToMaster, ToWorker>(stream).unwrap();
     reader.handshake_done();
-    let scene = SceneRef {
-        digest: digest_text(blake3::hash(SCENE).as_bytes()),
-        bytes: SCENE.len() as u64,
-    };
+    let scene = SceneRef::of(SCENE);
     let frame = FrameMessage {
         frame: FrameId(1),
         settings: settings(),
         vpl_sets: Vec::new(),
+        radiance: Encoding::Exact,
     };
     for message in [
         ToWorker::Welcome(Welcome {
@@ -182,12 +179,12 @@ async fn serve(listener: &TcpListener, total: u32) -> Duration {
     while results < total {
         match reader.read().await.unwrap().unwrap() {
             ToMaster::Want(want) => {
-                let part = ScenePart {
+                let chunk = SceneChunk {
                     digest: want.digest,
-                    from: want.from,
+                    chunk: want.chunk,
                     data: SCENE.to_vec().into(),
                 };
-                writer.send(&ToWorker::ScenePart(part)).await.unwrap();
+                writer.send(&ToWorker::SceneChunk(chunk)).await.unwrap();
             }
             ToMaster::Request(request) => {
                 if issued == 0 {
@@ -247,7 +244,7 @@ impl Renderer for Shining {
 }
 
 impl Scene for Shining {
-    fn set_up(&self, _: &Settings, _: &[ByteBuf]) -> anyhow::Result<Arc<dyn Frame>> {
+    fn set_up(&self, _: &FrameMessage) -> anyhow::Result<Arc<dyn Frame>> {
         Ok(Arc::new(*self))
     }
 }
@@ -260,7 +257,7 @@ impl Frame for Shining {
     fn render(&self, _: Task, _: &mut dyn FnMut() -> bool) -> Output {
         Output {
             pixels: PIXELS,
-            radiance: shine(self.0),
+            radiance: Radiance::pack(&shine(self.0), Encoding::Exact),
             primary_rays: 0,
             shadow_rays: 0,
         }

@@ -10,6 +10,7 @@ use clap::{ArgAction, CommandFactory as _, Parser};
 use protocol::limits;
 use tracing_subscriber::EnvFilter;
 
+use crate::disk_cache::{self, CacheOptions};
 use crate::exit;
 use crate::options::{Lifetime, WorkerOptions};
 
@@ -17,7 +18,9 @@ use crate::options::{Lifetime, WorkerOptions};
 pub const VERSION: &str = concat!(env!("GRIDLIGHT_VERSION"), " (", env!("GRIDLIGHT_REVISION"), ")");
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 told to stop; 1 could not work, the last line says why; 2 wrong command line.";
+Exit codes: 0 told to stop; 1 could not work, the last line says why; 2 wrong command line.
+
+Scenes are kept in $CACHE_DIRECTORY, else $XDG_CACHE_HOME/gridlight, else ~/.cache/gridlight.";
 
 /// Renders for a Gridlight master on the cores of this machine.
 ///
@@ -38,6 +41,10 @@ struct Arguments {
     #[arg(long, value_parser = name)]
     name: Option<String>,
 
+    /// Scenes that came before are kept on disk up to so many bytes; 0 keeps none
+    #[arg(long, value_name = "BYTES", default_value_t = CACHE_BYTES)]
+    cache_bytes: u64,
+
     /// Only errors; twice: nothing
     #[arg(short, long, action = ArgAction::Count)]
     quiet: u8,
@@ -46,6 +53,9 @@ struct Arguments {
     #[arg(short, long, action = ArgAction::Count, conflicts_with = "quiet")]
     verbose: u8,
 }
+
+/// Scenes on disk: 4 GB.
+const CACHE_BYTES: u64 = 4_000_000_000;
 
 /// A number of threads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,9 +125,24 @@ impl From<Arguments> for WorkerOptions {
             slots: arguments.slots.count(),
             name: arguments.name.unwrap_or_else(host_name),
             lifetime: Lifetime::Service,
+            cache: cache(arguments.cache_bytes),
             version: VERSION.to_owned(),
         }
     }
+}
+
+/// Where scenes are kept, if they are.
+fn cache(limit_bytes: u64) -> Option<CacheOptions> {
+    if limit_bytes == 0 {
+        return None;
+    }
+    let folder = disk_cache::folder(|name| std::env::var_os(name));
+    if folder.is_none() {
+        tracing::warn!(
+            "scenes are not kept: set CACHE_DIRECTORY, XDG_CACHE_HOME or HOME to a folder for them"
+        );
+    }
+    folder.map(|folder| CacheOptions { folder, limit_bytes })
 }
 
 /// Lines for people on standard error. `RUST_LOG` has the last word.

@@ -12,6 +12,7 @@ use tokio::time::{sleep, timeout};
 use self::session::{End, Session};
 use crate::backoff::Backoff;
 use crate::clock::Clock;
+use crate::disk_cache::{CacheOptions, DiskCache};
 use crate::executor::Executor;
 use crate::loader::Loader;
 use crate::options::{Lifetime, WorkerOptions};
@@ -53,7 +54,8 @@ impl Client {
     ) -> anyhow::Result<Self> {
         let threads = || format!("cannot start {} threads: use fewer --slots", options.slots);
         let executor = Executor::start(options.slots, clock).with_context(threads)?;
-        let loader = Loader::start(renderer).context("cannot start a thread to load scenes")?;
+        let loader = Loader::start(renderer, open_cache(options.cache.clone()))
+            .context("cannot start a thread to load scenes")?;
         Ok(Self {
             options,
             clock,
@@ -149,6 +151,17 @@ impl Client {
             self.said = Some(text);
         }
     }
+}
+
+/// Without a disk scenes come over the network each time; that is no reason not to work.
+fn open_cache(options: Option<CacheOptions>) -> Option<DiskCache> {
+    let options = options?;
+    let folder = options.folder.clone();
+    DiskCache::open(options)
+        .inspect_err(
+            |error| tracing::warn!(folder = %folder.display(), %error, "scenes cannot be kept on disk"),
+        )
+        .ok()
 }
 
 async fn connect(master: &str) -> anyhow::Result<TcpStream> {

@@ -4,17 +4,20 @@ use std::any::Any;
 use std::sync::Arc;
 
 use protocol::message::Prepared;
-use protocol::{FrameId, Task};
+use protocol::{Digest, FrameId, Task};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
 
 use crate::renderer::Frame;
+use crate::scene_cache::Found;
 use crate::state::Outcome;
 
 /// Something that was asked for is done.
 #[derive(Debug)]
 pub enum Done {
-    /// A scene was in memory already, or not.
-    Found(Option<Prepared>),
+    /// What there is of a scene, or why it is none.
+    Found(anyhow::Result<Found>),
+    /// A chunk of this scene was taken, or why not.
+    Chunk(Digest, anyhow::Result<()>),
     /// A scene is in memory, or why not.
     Scene(anyhow::Result<Prepared>),
     /// A frame is set up, or why not.

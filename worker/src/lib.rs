@@ -13,6 +13,7 @@ pub mod state;
 
 pub mod client;
 pub mod clock;
+pub mod disk_cache;
 pub mod done;
 pub mod executor;
 pub mod exit;

@@ -6,8 +6,9 @@ use std::sync::{Arc, mpsc};
 use std::thread::{self, JoinHandle};
 
 use anyhow::{Context as _, anyhow};
-use protocol::message::{Frame as FrameMessage, SceneRef};
+use protocol::message::{Frame as FrameMessage, SceneChunk, SceneRef};
 
+use crate::disk_cache::DiskCache;
 use crate::done::{Done, DoneSender, panic_text};
 use crate::renderer::{Frame, Renderer};
 use crate::scene_cache::SceneCache;
@@ -22,16 +23,17 @@ pub struct Loader {
 #[derive(Debug)]
 enum Job {
     Find(SceneRef),
-    Build(SceneRef, Vec<u8>),
+    Take(SceneChunk),
+    Build,
     Frame(FrameMessage),
 }
 
 impl Loader {
-    /// Starts the thread.
-    pub fn start(renderer: Box<dyn Renderer>) -> io::Result<Self> {
+    /// Starts the thread, which keeps scenes on the given disk.
+    pub fn start(renderer: Box<dyn Renderer>, disk: Option<DiskCache>) -> io::Result<Self> {
         let (jobs, to_do) = mpsc::channel::<(Job, DoneSender)>();
         let work = move || {
-            let mut cache = SceneCache::default();
+            let mut cache = SceneCache::new(disk);
             for (job, done) in to_do {
                 // Nobody listens if the connection has ended meanwhile; the scene stays warm.
                 let _ = done.send(run(job, &mut cache, &*renderer));
@@ -48,14 +50,19 @@ impl Loader {
         let _ = self.thread.join();
     }
 
-    /// Looks whether a scene is the one in memory.
+    /// Looks what there is of a scene.
     pub fn find(&self, scene: SceneRef, done: DoneSender) {
         self.give(Job::Find(scene), done);
     }
 
-    /// Makes a scene of its bytes.
-    pub fn build(&self, scene: SceneRef, bytes: Vec<u8>, done: DoneSender) {
-        self.give(Job::Build(scene, bytes), done);
+    /// Takes a chunk of the scene that was looked for last.
+    pub fn take(&self, chunk: SceneChunk, done: DoneSender) {
+        self.give(Job::Take(chunk), done);
+    }
+
+    /// Makes the scene that was looked for last, of all its chunks.
+    pub fn build(&self, done: DoneSender) {
+        self.give(Job::Build, done);
     }
 
     /// Sets up a frame of the scene in memory.
@@ -72,14 +79,15 @@ impl Loader {
 fn run(job: Job, cache: &mut SceneCache, renderer: &dyn Renderer) -> Done {
     match job {
         Job::Find(scene) => Done::Found(cache.find(&scene)),
-        Job::Build(scene, bytes) => Done::Scene(unpanicked(|| cache.build(&scene, &bytes, renderer))),
+        Job::Take(chunk) => Done::Chunk(chunk.digest, cache.take(&chunk)),
+        Job::Build => Done::Scene(unpanicked(|| cache.build(renderer))),
         Job::Frame(frame) => Done::Frame(frame.frame, unpanicked(|| set_up(&frame, cache))),
     }
 }
 
 fn set_up(frame: &FrameMessage, cache: &SceneCache) -> anyhow::Result<Arc<dyn Frame>> {
     let scene = cache.scene().context("no scene is in memory")?;
-    scene.scene.set_up(&frame.settings, &frame.vpl_sets)
+    scene.scene.set_up(frame)
 }
 
 /// Makes an error of a panic: a scene that breaks the loader must not end the worker.

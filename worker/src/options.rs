@@ -1,5 +1,7 @@
 //! What a worker is told when it starts.
 
+use crate::disk_cache::CacheOptions;
+
 /// What a worker is told when it starts.
 #[derive(Clone, Debug)]
 pub struct WorkerOptions {
@@ -11,6 +13,8 @@ pub struct WorkerOptions {
     pub name: String,
     /// How long to work.
     pub lifetime: Lifetime,
+    /// Where to keep scenes, if anywhere.
+    pub cache: Option<CacheOptions>,
     /// Program version for people, as `0.1.0 (1234abcd)`.
     pub version: String,
 }

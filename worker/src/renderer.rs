@@ -4,9 +4,8 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use protocol::Task;
-use protocol::settings::Settings;
-use serde_bytes::ByteBuf;
+use protocol::message::Frame as FrameMessage;
+use protocol::{Radiance, Task};
 
 /// Makes scenes.
 pub trait Renderer: Send + fmt::Debug + 'static {
@@ -27,8 +26,8 @@ pub struct LoadedScene {
 
 /// A scene of which frames can be rendered.
 pub trait Scene: Send + Sync + fmt::Debug {
-    /// Sets up a frame. Settings and VPLs come from the master and may be wrong.
-    fn set_up(&self, settings: &Settings, vpl_sets: &[ByteBuf]) -> anyhow::Result<Arc<dyn Frame>>;
+    /// Sets up a frame as a master wants it, who may be wrong.
+    fn set_up(&self, frame: &FrameMessage) -> anyhow::Result<Arc<dyn Frame>>;
 }
 
 /// A frame of which tasks can be rendered, from many threads at once.
@@ -45,8 +44,8 @@ pub trait Frame: Send + Sync + fmt::Debug {
 pub struct Output {
     /// The first so many pixels of the group were done.
     pub pixels: u32,
-    /// Their radiance per unit albedo, W·m⁻²·sr⁻¹, as the protocol has it.
-    pub radiance: Vec<f32>,
+    /// Their radiance per unit albedo, packed as the frame wants it.
+    pub radiance: Radiance,
     /// Camera rays traced.
     pub primary_rays: u64,
     /// Shadow rays traced.

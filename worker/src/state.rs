@@ -3,21 +3,24 @@
 //! Time is a [`Duration`] since the worker's start. The shell turns whatever happens into an
 //! [`Event`], carries out the [`Action`]s and comes back when [`State::poll_timeout`] says so.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use protocol::limits::{HANDSHAKE_WITHIN, LEASES_PER_SLOT, SILENCE};
 use protocol::message::{
-    Assign, Failed, FailedStep, Frame, Hello, Leaving, Message as _, Pong, Prepared, Request, ScenePart,
+    Assign, Failed, FailedStep, Frame, Hello, Leaving, Message as _, Pong, Prepared, Request, SceneChunk,
     SceneRef, TaskResult, Want, text,
 };
-use protocol::{FrameId, Radiance, Task, ToMaster, ToWorker};
+use protocol::{Digest, FrameId, Task, ToMaster, ToWorker};
 
 use crate::renderer::Output;
 
 /// Work that a slot has waiting for it, so that it need not wait for the network: at least one task,
 /// more if tasks are shorter than this. Covers a round trip between two busy processes.
 const AHEAD: Duration = Duration::from_millis(5);
+
+/// Chunks of a scene that were asked for and not yet taken: one on its way while another is unpacked.
+const CHUNKS_AT_ONCE: usize = 2;
 
 /// How long the slots of a worker that leaves may take to stop; a chunk takes about a millisecond.
 const STOPPING_WITHIN: Duration = Duration::from_millis(60);
@@ -27,8 +30,12 @@ const STOPPING_WITHIN: Duration = Duration::from_millis(60);
 pub enum Event {
     /// The master said something.
     Received(ToWorker),
-    /// The scene asked for last is not in memory.
-    SceneMissing,
+    /// The scene asked for last is not in memory, and these chunks of it not on disk.
+    SceneMissing(Vec<u32>),
+    /// A chunk of this scene is in its place.
+    ChunkTaken(Digest),
+    /// A chunk of this scene is not what it should be.
+    ChunkRefused(Digest, String),
     /// The scene asked for last is in memory.
     SceneReady(Prepared),
     /// The scene asked for last cannot be used.
@@ -66,11 +73,14 @@ pub enum Outcome {
 pub enum Action {
     /// Say this to the master.
     Send(ToMaster),
-    /// Look whether the scene is in memory, then report [`Event::SceneReady`] or
-    /// [`Event::SceneMissing`].
+    /// Look what there is of the scene, then report [`Event::SceneReady`], [`Event::SceneMissing`] or
+    /// [`Event::SceneFailed`].
     FindScene(SceneRef),
-    /// Make the scene of its bytes, then report [`Event::SceneReady`] or [`Event::SceneFailed`].
-    BuildScene(SceneRef, Vec<u8>),
+    /// Verify a chunk and keep it, then report [`Event::ChunkTaken`] or [`Event::ChunkRefused`].
+    TakeChunk(SceneChunk),
+    /// Make the scene that was looked for last, of all its chunks, then report [`Event::SceneReady`] or
+    /// [`Event::SceneFailed`].
+    BuildScene,
     /// Set up the frame, then report [`Event::FrameReady`] or [`Event::FrameFailed`].
     SetUp(Frame),
     /// Let the slots do these, in this order, each to be reported as [`Event::TaskDone`].
@@ -107,7 +117,7 @@ pub struct State {
     /// How long the master may say nothing; `None`: as long as it likes.
     silence: Option<Duration>,
     scene: Scene,
-    /// What of the scene has come so far, while it comes.
+    /// What is to come of the scene, while it comes.
     incoming: Option<Incoming>,
     /// What the loading thread is at; it does one thing at a time.
     loading: Option<Load>,
@@ -129,16 +139,21 @@ enum Scene {
     Failed,
 }
 
-/// A scene on its way, part after part.
+/// A scene on its way, chunk by chunk.
 #[derive(Debug)]
 struct Incoming {
-    scene: SceneRef,
-    bytes: Vec<u8>,
+    scene: Digest,
+    /// Chunks to ask for.
+    missing: VecDeque<u32>,
+    /// Chunks asked for.
+    asked: BTreeSet<u32>,
+    /// How many have come and are being unpacked.
+    unpacking: usize,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum Load {
-    Scene(SceneRef),
+    Scene(Digest),
     Frame(FrameId),
     /// A frame that ended meanwhile; it cannot be interrupted.
     EndedFrame,
@@ -194,7 +209,9 @@ impl State {
     pub fn handle(&mut self, now: Duration, event: Event) {
         match event {
             Event::Received(message) => self.received(now, message),
-            Event::SceneMissing => self.scene_missing(),
+            Event::SceneMissing(chunks) => self.scene_missing(chunks),
+            Event::ChunkTaken(scene) => self.chunk_taken(scene),
+            Event::ChunkRefused(scene, message) => self.chunk_refused(scene, &message),
             Event::SceneReady(prepared) => self.scene_ready(prepared),
             Event::SceneFailed(message) => self.scene_failed(message),
             Event::FrameReady(frame) => self.frame_ready(now, frame),
@@ -259,7 +276,7 @@ impl State {
             ToWorker::Shutdown(_) => self.close(Ending::Shutdown),
             _ if self.leaving.is_some() => {}
             ToWorker::Prepare(prepare) => self.prepare(prepare.scene),
-            ToWorker::ScenePart(part) => self.scene_part(&part),
+            ToWorker::SceneChunk(chunk) => self.scene_chunk(chunk),
             ToWorker::Frame(frame) => self.new_frame(frame),
             ToWorker::Assign(assign) => self.assign(now, assign),
             other => self.close(Ending::Violation(format!(
@@ -290,7 +307,7 @@ impl State {
         }
         if let Some(scene) = self.next_scene.take() {
             self.scene = Scene::Missing;
-            self.loading = Some(Load::Scene(scene.clone()));
+            self.loading = Some(Load::Scene(scene.digest));
             self.act(Action::FindScene(scene));
         } else if let Some(frame) = self.next_frame.take() {
             if self.scene == Scene::Ready {
@@ -307,48 +324,73 @@ impl State {
         }
     }
 
-    fn scene_missing(&mut self) {
+    fn scene_missing(&mut self, chunks: Vec<u32>) {
         let loading = self.loading.take();
         match loading {
             Some(Load::Scene(scene)) if self.next_scene.is_none() => {
-                self.want(&scene, 0);
-                let bytes = Vec::new();
-                self.incoming = Some(Incoming { scene, bytes });
+                self.incoming = Some(Incoming {
+                    scene,
+                    missing: chunks.into(),
+                    asked: BTreeSet::new(),
+                    unpacking: 0,
+                });
+                self.fetch();
             }
             _ => self.load_next(),
         }
     }
 
-    fn want(&mut self, scene: &SceneRef, from: u64) {
-        let digest = scene.digest.clone();
-        self.send(ToMaster::Want(Want { digest, from }));
-    }
-
-    /// Puts a part to what has come before. The memory grows with what comes, whatever was announced.
-    fn scene_part(&mut self, part: &ScenePart) {
-        // Of a scene that is wanted no more.
-        let Some(mut incoming) = self
-            .incoming
-            .take_if(|incoming| incoming.scene.digest == part.digest)
-        else {
+    /// Asks for as many chunks as may be on their way; builds the scene when all have come.
+    fn fetch(&mut self) {
+        let Some(incoming) = &mut self.incoming else {
             return;
         };
-        let (have, comes) = (incoming.bytes.len() as u64, part.data.len() as u64);
-        let all = incoming.scene.bytes;
-        if part.from != have || comes == 0 || have + comes > all {
-            return self.close(Ending::Violation(format!(
-                "`scene_part` has {comes} bytes from {} of a scene of {all} bytes, of which {have} have come",
-                part.from
-            )));
+        let digest = incoming.scene;
+        let mut wants = Vec::new();
+        while incoming.asked.len() + incoming.unpacking < CHUNKS_AT_ONCE
+            && let Some(chunk) = incoming.missing.pop_front()
+        {
+            incoming.asked.insert(chunk);
+            wants.push(Want { digest, chunk });
         }
-        incoming.bytes.extend_from_slice(&part.data);
-        if have + comes < all {
-            self.want(&incoming.scene, have + comes);
-            self.incoming = Some(incoming);
-        } else {
-            self.loading = Some(Load::Scene(incoming.scene.clone()));
-            self.act(Action::BuildScene(incoming.scene, incoming.bytes));
+        if incoming.asked.is_empty() && incoming.unpacking == 0 {
+            self.incoming = None;
+            self.loading = Some(Load::Scene(digest));
+            self.act(Action::BuildScene);
         }
+        for want in wants {
+            self.send(ToMaster::Want(want));
+        }
+    }
+
+    fn scene_chunk(&mut self, chunk: SceneChunk) {
+        // Of a scene that is wanted no more.
+        let Some(incoming) = self.incoming(chunk.digest) else {
+            return;
+        };
+        if !incoming.asked.remove(&chunk.chunk) {
+            let text = format!("chunk {} of the scene was not asked for", chunk.chunk);
+            return self.close(Ending::Violation(text));
+        }
+        incoming.unpacking += 1;
+        self.act(Action::TakeChunk(chunk));
+    }
+
+    fn chunk_taken(&mut self, scene: Digest) {
+        if let Some(incoming) = self.incoming(scene) {
+            incoming.unpacking -= 1;
+            self.fetch();
+        }
+    }
+
+    fn chunk_refused(&mut self, scene: Digest, message: &str) {
+        if self.incoming(scene).is_some() {
+            self.close(Ending::Violation(message.to_owned()));
+        }
+    }
+
+    fn incoming(&mut self, scene: Digest) -> Option<&mut Incoming> {
+        self.incoming.as_mut().filter(|incoming| incoming.scene == scene)
     }
 
     fn scene_ready(&mut self, prepared: Prepared) {
@@ -457,7 +499,7 @@ impl State {
                     frame: id,
                     task,
                     pixels: output.pixels,
-                    radiance: Radiance(output.radiance),
+                    radiance: output.radiance,
                     primary_rays: output.primary_rays,
                     shadow_rays: output.shadow_rays,
                     busy_us: busy.as_micros() as u64,

@@ -4,14 +4,15 @@
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use protocol::settings as wire;
+use protocol::message::Frame as FrameMessage;
+use protocol::radiance::Encoding;
+use protocol::{Radiance, settings as wire};
 use render::frame::FrameRenderer;
 use render::intersect::TracedScene;
 use render::scene::{ImageSize, geometry};
 use render::settings::{Algorithm, LightPoints, Settings};
 use render::task::{Component, Task};
 use render::vpl::VplSet;
-use serde_bytes::ByteBuf;
 
 use crate::clock::Clock;
 use crate::renderer::{Frame, LoadedScene, Output, Renderer, Scene};
@@ -48,26 +49,34 @@ impl Renderer for TracingRenderer {
 struct PreparedScene(Arc<TracedScene>);
 
 impl Scene for PreparedScene {
-    fn set_up(&self, settings: &wire::Settings, vpl_sets: &[ByteBuf]) -> anyhow::Result<Arc<dyn Frame>> {
-        let vpl_sets = vpl_sets.iter().enumerate().map(|(index, bytes)| {
+    fn set_up(&self, frame: &FrameMessage) -> anyhow::Result<Arc<dyn Frame>> {
+        let vpl_sets = frame.vpl_sets.iter().enumerate().map(|(index, bytes)| {
             VplSet::from_bytes(bytes).with_context(|| format!("VPL set {index} is broken"))
         });
         let vpl_sets = vpl_sets.collect::<anyhow::Result<_>>()?;
-        let frame = FrameRenderer::new(Arc::clone(&self.0), settings_of(settings), vpl_sets)?;
-        Ok(Arc::new(frame))
+        let renderer = FrameRenderer::new(Arc::clone(&self.0), settings_of(&frame.settings), vpl_sets)?;
+        let encoding = frame.radiance;
+        Ok(Arc::new(PreparedFrame { renderer, encoding }))
     }
 }
 
-impl Frame for FrameRenderer {
+/// A frame with the encoding that its master wants.
+#[derive(Debug)]
+struct PreparedFrame {
+    renderer: FrameRenderer,
+    encoding: Encoding,
+}
+
+impl Frame for PreparedFrame {
     fn has(&self, task: protocol::Task) -> bool {
-        self.has(task_of(task))
+        self.renderer.has(task_of(task))
     }
 
     fn render(&self, task: protocol::Task, stop: &mut dyn FnMut() -> bool) -> Output {
-        let output = self.render(task_of(task), stop);
+        let output = self.renderer.render(task_of(task), stop);
         Output {
             pixels: output.pixels_done,
-            radiance: output.radiance,
+            radiance: Radiance::pack(&output.radiance, self.encoding),
             primary_rays: output.rays.primary,
             shadow_rays: output.rays.shadow,
         }

@@ -7,6 +7,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use protocol::message::*;
+use protocol::radiance::Encoding;
 use protocol::settings::Settings;
 use protocol::{FrameId, Radiance, ToMaster, ToWorker};
 use tokio::io::AsyncWriteExt as _;
@@ -37,6 +38,7 @@ impl Running {
             lifetime: Lifetime::OneMaster {
                 token: Some("secret".to_owned()),
             },
+            cache: None,
             version: "0.0.9".to_owned(),
         };
         Self(thread::spawn(move || {
@@ -78,6 +80,7 @@ async fn a_worker_introduces_itself_renders_a_frame_and_ends_with_its_master() {
         frame: FrameId(1),
         settings: settings(),
         vpl_sets: Vec::new(),
+        radiance: Encoding::Exact,
     };
     peer.say(ToWorker::Frame(frame)).await;
     assert_eq!(
@@ -93,7 +96,10 @@ async fn a_worker_introduces_itself_renders_a_frame_and_ends_with_its_master() {
         assert_eq!((result.pixels, result.shadow_rays), (GROUP, u64::from(GROUP)));
         assert_eq!(
             result.radiance,
-            Radiance(vec![result.task.group as f32; 3 * GROUP as usize])
+            Radiance::pack(
+                &vec![result.task.group as f32; 3 * GROUP as usize],
+                Encoding::Exact
+            )
         );
     }
     peer.say(ToWorker::Shutdown(Shutdown {})).await;
@@ -200,6 +206,7 @@ async fn what_fails_is_named_and_the_worker_stays() {
         frame: FrameId(1),
         settings: uneven,
         vpl_sets: Vec::new(),
+        radiance: Encoding::Exact,
     }))
     .await;
     let failed = peer.failed().await;
@@ -209,6 +216,7 @@ async fn what_fails_is_named_and_the_worker_stays() {
         frame: FrameId(1),
         settings: settings(),
         vpl_sets: Vec::new(),
+        radiance: Encoding::Exact,
     };
     peer.say(ToWorker::Frame(frame)).await;
     assert_eq!(peer.request().await, 2);
@@ -262,6 +270,7 @@ async fn a_worker_inside_a_program_goes_when_that_says_so() {
         slots: 2,
         name: "screen saver".to_owned(),
         lifetime: Lifetime::Service,
+        cache: None,
         version: "0.0.9".to_owned(),
     };
     let stop = Stop::default();

@@ -3,6 +3,7 @@
 
 mod scripted;
 
+use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
@@ -11,12 +12,15 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
+use protocol::envelope::encode;
 use protocol::message::*;
-use protocol::{Component, FrameId, Task, ToMaster, ToWorker};
+use protocol::radiance::Encoding;
+use protocol::{Component, FrameId, Task, ToMaster, ToWorker, limits};
 use render::intersect::TracedScene;
 use render::scene::{LoadOptions, Scene, geometry, load};
 use render::{frame::FrameRenderer, vpl};
 use serde_bytes::ByteBuf;
+use tokio::io::AsyncWriteExt as _;
 use worker::clock::Clock;
 
 use self::scripted::{Master, Peer, direct, settings};
@@ -29,9 +33,14 @@ struct Worker {
 
 impl Worker {
     fn start(arguments: &[&str]) -> Self {
+        Self::start_with(arguments, &[])
+    }
+
+    fn start_with(arguments: &[&str], variables: &[(&str, &Path)]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_worker"))
             .args(arguments)
             .env_remove("RUST_LOG")
+            .envs(variables.iter().copied())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
@@ -54,6 +63,9 @@ impl Worker {
             &slots.to_string(),
             "--name",
             "lab-7",
+            // What other tests left on disk must not matter.
+            "--cache-bytes",
+            "0",
         ])
     }
 
@@ -210,6 +222,7 @@ async fn in_frame(master: &Master, settings: &protocol::settings::Settings) -> P
         frame: FrameId(1),
         settings: settings.clone(),
         vpl_sets: vpl_sets(settings).1,
+        radiance: Encoding::Exact,
     };
     peer.say(ToWorker::Frame(frame)).await;
     peer.request().await;
@@ -272,9 +285,10 @@ async fn a_task_has_the_same_bits_from_a_worker_as_from_the_renderer_here() {
         };
         let expected = here.render(task, &mut || false);
         assert_eq!(result.pixels, expected.pixels_done);
-        assert_eq!(result.radiance.0, expected.radiance);
+        let radiance = result.radiance.unpack();
+        assert_eq!(radiance, expected.radiance);
         assert_eq!(result.shadow_rays, expected.rays.shadow);
-        assert!(result.radiance.0.iter().any(|&value| value > 0.0));
+        assert!(radiance.iter().any(|&value| value > 0.0));
     }
 }
 
@@ -382,10 +396,118 @@ async fn settings_and_vpls_that_make_no_sense_are_refused_by_name() {
             frame: FrameId(1),
             settings,
             vpl_sets,
+            radiance: Encoding::Exact,
         }))
         .await;
         let failed = peer.failed().await;
         assert_eq!(failed.what, FailedStep::Frame);
         assert!(failed.message.contains(expected), "{}", failed.message);
     }
+}
+
+/// Brings a scene of several chunks to a worker of its own and says how many had to be sent.
+async fn chunks_sent(cache: &Path, scene: &[u8]) -> usize {
+    let master = Master::listen().await;
+    let address = master.address.to_string();
+    let _worker = Worker::start_with(
+        &["--connect", &address, "--slots", "1"],
+        &[("CACHE_DIRECTORY", cache)],
+    );
+    let (mut peer, _) = master.join().await;
+    peer.prepare(scene).await;
+    let prepared = peer.hear().await;
+    assert!(matches!(prepared, ToMaster::Prepared(_)), "{prepared:?}");
+    peer.chunks_sent
+}
+
+#[tokio::test]
+async fn a_worker_that_was_started_again_has_its_scenes_on_disk() {
+    let cache = tempfile::tempdir().unwrap();
+    let nave = geometry::to_bytes(&scene("nave/nave.toml"));
+    let chunks = SceneRef::of(&nave).chunks.len();
+    assert!(chunks > 3, "{chunks} chunks");
+    assert_eq!(chunks_sent(cache.path(), &nave).await, chunks);
+    assert_eq!(chunks_sent(cache.path(), &nave).await, 0);
+}
+
+#[tokio::test]
+async fn after_a_broken_connection_only_the_rest_of_a_scene_is_asked_for() {
+    let nave = geometry::to_bytes(&scene("nave/nave.toml"));
+    let chunks = SceneRef::of(&nave).chunks.len();
+    let master = Master::listen().await;
+    let _worker = Worker::connect(master.address, 1);
+    let (mut peer, _) = master.join().await;
+    peer.prepare(&nave).await;
+    for _ in 0..3 {
+        let want = peer.want().await;
+        peer.send_chunk(want).await;
+    }
+    // The next one is asked for when another one has been taken.
+    peer.want().await;
+    drop(peer);
+
+    let (mut peer, _) = master.join().await;
+    peer.prepare(&nave).await;
+    peer.hear().await;
+    assert!(peer.chunks_sent <= chunks - 2, "{} of {chunks}", peer.chunks_sent);
+}
+
+/// Sends this in place of the first chunk that a worker wants, and returns what its log says of it.
+async fn refused(data: &[u8]) -> String {
+    let cache = tempfile::tempdir().unwrap();
+    let master = Master::listen().await;
+    let address = master.address.to_string();
+    let worker = Worker::start_with(
+        &["--connect", &address, "--slots", "1"],
+        &[("CACHE_DIRECTORY", cache.path())],
+    );
+    let (mut peer, _) = master.join().await;
+    peer.prepare(&vec![7; 300_000]).await;
+    let Want { digest, chunk } = peer.want().await;
+    let data = ByteBuf::from(data);
+    peer.say(ToWorker::SceneChunk(SceneChunk { digest, chunk, data }))
+        .await;
+    let line = worker.line_with("does not talk like");
+    let kept = fs::read_dir(cache.path().join("chunks")).unwrap().count();
+    assert_eq!(kept, 0, "nothing of it is kept");
+    line
+}
+
+#[tokio::test]
+async fn a_chunk_that_would_unpack_to_a_gigabyte_is_refused() {
+    let bomb = zstd::bulk::compress(&vec![0; 1 << 30], 1).unwrap();
+    assert!(refused(&bomb).await.contains("cannot be unpacked"));
+}
+
+#[tokio::test]
+async fn a_chunk_that_is_not_the_one_asked_for_is_refused() {
+    let line = refused(&protocol::bundle::pack(&vec![8; limits::SCENE_CHUNK_BYTES])).await;
+    assert!(line.contains("did not arrive as it was sent"), "{line}");
+}
+
+/// A digest is 32 bytes and nothing else, so no name of a file can be smuggled in.
+#[tokio::test]
+async fn a_scene_whose_name_would_lead_out_of_the_cache_is_refused() {
+    let scene = SceneRef::of(b"scene");
+    let mut digest = vec![0xc4, 32];
+    digest.extend(scene.digest.0);
+    let mut prepare = encode(&ToWorker::Prepare(Prepare { scene })).unwrap();
+    let place = prepare
+        .windows(digest.len())
+        .position(|window| window == digest)
+        .unwrap();
+    let path = b"\xb1../../etc/crontab";
+    prepare.splice(place..place + digest.len(), path.iter().copied());
+    prepare[3] -= (digest.len() - path.len()) as u8;
+
+    let master = Master::listen().await;
+    let worker = Worker::connect(master.address, 1);
+    let welcome = ToWorker::Welcome(Welcome {
+        worker: protocol::WorkerId(1),
+        version: "0.1.0".to_owned(),
+    });
+    let mut stream = master.accept_bytes().await;
+    stream.write_all(&encode(&welcome).unwrap()).await.unwrap();
+    stream.write_all(&prepare).await.unwrap();
+    worker.line_with("not a message of this protocol");
 }

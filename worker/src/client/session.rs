@@ -18,6 +18,7 @@ use crate::executor::{Executor, Job, StopTime};
 use crate::loader::Loader;
 use crate::options::{Lifetime, WorkerOptions};
 use crate::renderer::Frame;
+use crate::scene_cache::Found;
 use crate::signals::Signals;
 use crate::state::{Action, Ending, Event, State};
 
@@ -159,9 +160,13 @@ impl<'a> Session<'a> {
 
     fn event_of(&mut self, done: Done) -> Event {
         match done {
-            Done::Found(None) => Event::SceneMissing,
-            Done::Found(Some(prepared)) | Done::Scene(Ok(prepared)) => Event::SceneReady(prepared),
-            Done::Scene(Err(error)) => Event::SceneFailed(format!("{error:#}")),
+            Done::Found(Ok(Found::Missing(chunks))) => Event::SceneMissing(chunks),
+            Done::Found(Ok(Found::Ready(prepared))) | Done::Scene(Ok(prepared)) => {
+                Event::SceneReady(prepared)
+            }
+            Done::Chunk(scene, Ok(())) => Event::ChunkTaken(scene),
+            Done::Chunk(scene, Err(error)) => Event::ChunkRefused(scene, format!("{error:#}")),
+            Done::Found(Err(error)) | Done::Scene(Err(error)) => Event::SceneFailed(format!("{error:#}")),
             Done::Frame(id, Ok(frame)) => {
                 let stop = Arc::new(StopTime::never());
                 self.frame = Some(Current { id, frame, stop });
@@ -182,7 +187,8 @@ impl<'a> Session<'a> {
                     }
                 }
                 Action::FindScene(scene) => self.loader.find(scene, self.done.clone()),
-                Action::BuildScene(scene, bytes) => self.loader.build(scene, bytes, self.done.clone()),
+                Action::TakeChunk(chunk) => self.loader.take(chunk, self.done.clone()),
+                Action::BuildScene => self.loader.build(self.done.clone()),
                 Action::SetUp(frame) => self.loader.set_up(frame, self.done.clone()),
                 Action::Start(id, tasks) => self.start(id, tasks),
                 Action::StopAt(id, stop_at) => {

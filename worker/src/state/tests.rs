@@ -1,8 +1,9 @@
 //! The worker's decisions, event by event, without sockets, threads or clock.
 
 use protocol::message::{CutOff, EndFrame, Ping, Prepare, Refused, Shutdown, Welcome};
+use protocol::radiance::Encoding;
 use protocol::settings::{Algorithm, LightPoints, Settings};
-use protocol::{Component, WorkerId};
+use protocol::{Component, Radiance, WorkerId};
 
 use super::*;
 
@@ -29,30 +30,39 @@ fn task(group: u32) -> Task {
     }
 }
 
-/// A scene of ten bytes.
-fn scene(digest: &str) -> SceneRef {
+/// A scene of three chunks.
+fn scene(name: &str) -> SceneRef {
     SceneRef {
-        digest: digest.to_owned(),
+        digest: Digest::of(name.as_bytes()),
         bytes: 10,
+        chunks: vec![Digest::of(b"chunk"); 3],
     }
 }
 
-fn part(digest: &str, from: u64, data: &[u8]) -> Event {
-    Event::Received(ToWorker::ScenePart(ScenePart {
-        digest: digest.to_owned(),
-        from,
-        data: data.to_vec().into(),
-    }))
+fn chunk(scene: &str, chunk: u32) -> SceneChunk {
+    SceneChunk {
+        digest: Digest::of(scene.as_bytes()),
+        chunk,
+        data: vec![7].into(),
+    }
 }
 
-fn want(digest: &str, from: u64) -> Action {
-    let digest = digest.to_owned();
-    Action::Send(ToMaster::Want(Want { digest, from }))
+fn comes(scene: &str, index: u32) -> Event {
+    Event::Received(ToWorker::SceneChunk(chunk(scene, index)))
+}
+
+fn taken(scene: &str) -> Event {
+    Event::ChunkTaken(Digest::of(scene.as_bytes()))
+}
+
+fn want(scene: &str, chunk: u32) -> Action {
+    let digest = Digest::of(scene.as_bytes());
+    Action::Send(ToMaster::Want(Want { digest, chunk }))
 }
 
 fn prepared() -> Prepared {
     Prepared {
-        digest: "a".to_owned(),
+        digest: Digest::of(b"a"),
         load_us: 1,
         bvh_us: 2,
     }
@@ -75,6 +85,7 @@ fn frame(id: u32) -> Frame {
         frame: FrameId(id),
         settings,
         vpl_sets: Vec::new(),
+        radiance: Encoding::Exact,
     }
 }
 
@@ -91,7 +102,7 @@ fn assign(id: u32, groups: std::ops::Range<u32>, send_within: Option<Duration>) 
 fn rendered(id: u32, group: u32, busy: Duration) -> Event {
     let output = Output {
         pixels: 1,
-        radiance: vec![1.0, 2.0, 3.0],
+        radiance: Radiance::pack(&[1.0, 2.0, 3.0], Encoding::Exact),
         primary_rays: 4,
         shadow_rays: 5,
     };
@@ -205,15 +216,20 @@ fn a_frame_that_comes_before_the_scene_is_ready_waits_for_it() {
 }
 
 #[test]
-fn a_scene_that_is_not_here_comes_part_by_part_before_anything_is_built() {
+fn a_scene_that_is_not_here_comes_chunk_by_chunk_two_at_a_time_and_is_built_when_all_are_here() {
     let mut state = joined(1);
     on(&mut state, ms(0), prepare("a"));
-    assert_eq!(on(&mut state, ms(1), Event::SceneMissing), [want("a", 0)]);
+    let missing = Event::SceneMissing(vec![0, 1, 2]);
+    assert_eq!(on(&mut state, ms(1), missing), [want("a", 0), want("a", 1)]);
     assert_eq!(on(&mut state, ms(2), begin(1)), []);
-    assert_eq!(on(&mut state, ms(3), part("a", 0, b"0123456")), [want("a", 7)]);
-    let build = Action::BuildScene(scene("a"), b"0123456789".to_vec());
-    assert_eq!(on(&mut state, ms(4), part("a", 7, b"789")), [build]);
-    let ready = on(&mut state, ms(5), Event::SceneReady(prepared()));
+    let take = |index| [Action::TakeChunk(chunk("a", index))];
+    assert_eq!(on(&mut state, ms(3), comes("a", 1)), take(1));
+    assert_eq!(on(&mut state, ms(4), comes("a", 0)), take(0));
+    assert_eq!(on(&mut state, ms(5), taken("a")), [want("a", 2)]);
+    assert_eq!(on(&mut state, ms(6), taken("a")), []);
+    assert_eq!(on(&mut state, ms(7), comes("a", 2)), take(2));
+    assert_eq!(on(&mut state, ms(8), taken("a")), [Action::BuildScene]);
+    let ready = on(&mut state, ms(9), Event::SceneReady(prepared()));
     assert_eq!(
         ready,
         [
@@ -224,28 +240,44 @@ fn a_scene_that_is_not_here_comes_part_by_part_before_anything_is_built() {
 }
 
 #[test]
+fn a_scene_of_which_the_disk_has_everything_is_built_without_a_word() {
+    let mut state = joined(1);
+    on(&mut state, ms(0), prepare("a"));
+    let actions = on(&mut state, ms(1), Event::SceneMissing(Vec::new()));
+    assert_eq!(actions, [Action::BuildScene]);
+}
+
+#[test]
 fn a_new_scene_takes_the_place_of_one_that_is_still_coming() {
     let mut state = joined(1);
     on(&mut state, ms(0), prepare("a"));
-    on(&mut state, ms(1), Event::SceneMissing);
+    on(&mut state, ms(1), Event::SceneMissing(vec![0, 1]));
     assert_eq!(
         on(&mut state, ms(2), prepare("b")),
         [Action::FindScene(scene("b"))]
     );
-    assert_eq!(on(&mut state, ms(3), part("a", 0, b"0123456789")), []);
-    assert_eq!(on(&mut state, ms(4), Event::SceneMissing), [want("b", 0)]);
+    for late in [
+        comes("a", 0),
+        taken("a"),
+        Event::ChunkRefused(Digest::of(b"a"), "broken".to_owned()),
+    ] {
+        assert_eq!(on(&mut state, ms(3), late), []);
+    }
+    let missing = Event::SceneMissing(vec![0]);
+    assert_eq!(on(&mut state, ms(4), missing), [want("b", 0)]);
 }
 
 #[test]
-fn parts_that_leave_a_gap_or_are_empty_or_too_long_end_the_connection() {
+fn chunks_that_were_not_asked_for_or_come_twice_or_broken_end_the_connection() {
     for wrong in [
-        part("a", 1, b"1"),
-        part("a", 0, b""),
-        part("a", 0, b"0123456789a"),
+        comes("a", 2),
+        comes("a", 0),
+        Event::ChunkRefused(Digest::of(b"a"), "broken".to_owned()),
     ] {
         let mut state = joined(1);
         on(&mut state, ms(0), prepare("a"));
-        on(&mut state, ms(1), Event::SceneMissing);
+        on(&mut state, ms(1), Event::SceneMissing(vec![0, 1, 2]));
+        on(&mut state, ms(2), comes("a", 0));
         let actions = on(&mut state, ms(2), wrong);
         assert!(
             matches!(&actions[..], [Action::Close(Ending::Violation(_))]),
@@ -263,7 +295,7 @@ fn each_result_is_sent_and_followed_by_a_request() {
         frame: FrameId(1),
         task: task(0),
         pixels: 1,
-        radiance: Radiance(vec![1.0, 2.0, 3.0]),
+        radiance: Radiance::pack(&[1.0, 2.0, 3.0], Encoding::Exact),
         primary_rays: 4,
         shadow_rays: 5,
         busy_us: 20_000,

@@ -7,11 +7,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::bail;
+use protocol::bundle::pack;
 use protocol::connection::{Reader, Writer};
 use protocol::message::*;
+use protocol::radiance::Encoding;
 use protocol::settings::{Algorithm, LightPoints, Settings};
-use protocol::{Component, FrameId, Task, ToMaster, ToWorker, WorkerId};
-use serde_bytes::ByteBuf;
+use protocol::{Component, Digest, FrameId, Radiance, Task, ToMaster, ToWorker, WorkerId};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::timeout;
 use worker::renderer::{Frame as FrameTasks, LoadedScene, Output, Renderer, Scene};
@@ -31,10 +32,9 @@ pub(crate) struct Peer {
     writer: Writer<ToWorker>,
     /// The scene that was named last.
     scene: Vec<u8>,
+    /// Chunks of scenes that were sent.
+    pub(crate) chunks_sent: usize,
 }
-
-/// Bytes in a part of a scene: few, so that even a small one has several.
-const PART_BYTES: usize = 100_000;
 
 impl Master {
     pub(crate) async fn listen() -> Self {
@@ -57,6 +57,7 @@ impl Master {
             reader,
             writer,
             scene: Vec::new(),
+            chunks_sent: 0,
         }
     }
 
@@ -81,6 +82,7 @@ impl Master {
             frame: FrameId(1),
             settings,
             vpl_sets: Vec::new(),
+            radiance: Encoding::Exact,
         }))
         .await;
         let asked = peer.request().await;
@@ -102,7 +104,7 @@ impl Peer {
                 .unwrap()
                 .expect("the worker stays");
             match message {
-                ToMaster::Want(want) => self.send_part(want).await,
+                ToMaster::Want(want) => self.send_chunk(want).await,
                 message => return message,
             }
         }
@@ -110,27 +112,28 @@ impl Peer {
 
     /// Answers until the worker has the whole scene, and hears no further.
     pub(crate) async fn send_scene(&mut self) {
-        let mut wanted = 0;
-        while wanted + PART_BYTES < self.scene.len() {
-            let message = timeout(PATIENCE, self.reader.read()).await;
-            match message.unwrap().unwrap() {
-                Some(ToMaster::Want(want)) => {
-                    wanted = want.from as usize;
-                    self.send_part(want).await;
-                }
-                other => panic!("not a want: {other:?}"),
-            }
+        for _ in &SceneRef::of(&self.scene).chunks {
+            let want = self.want().await;
+            self.send_chunk(want).await;
         }
     }
 
-    async fn send_part(&mut self, want: Want) {
-        let rest = &self.scene[want.from as usize..];
-        let part = ScenePart {
-            digest: want.digest,
-            from: want.from,
-            data: rest[..rest.len().min(PART_BYTES)].to_vec().into(),
-        };
-        self.say(ToWorker::ScenePart(part)).await;
+    /// The next chunk that is wanted.
+    pub(crate) async fn want(&mut self) -> Want {
+        let message = timeout(PATIENCE, self.reader.read()).await;
+        match message.unwrap().unwrap() {
+            Some(ToMaster::Want(want)) => want,
+            other => panic!("not a want: {other:?}"),
+        }
+    }
+
+    pub(crate) async fn send_chunk(&mut self, want: Want) {
+        let place = SceneRef::of(&self.scene).chunk(want.chunk).unwrap();
+        let data = pack(&self.scene[place]).into();
+        let Want { digest, chunk } = want;
+        self.chunks_sent += 1;
+        self.say(ToWorker::SceneChunk(SceneChunk { digest, chunk, data }))
+            .await;
     }
 
     /// Whether the worker closes next.
@@ -179,10 +182,7 @@ impl Peer {
     /// Names a scene, which the worker gets when it wants it.
     pub(crate) async fn prepare(&mut self, scene: &[u8]) {
         self.scene = scene.to_vec();
-        let scene = SceneRef {
-            digest: digest_of(scene),
-            bytes: scene.len() as u64,
-        };
+        let scene = SceneRef::of(scene);
         self.say(ToWorker::Prepare(Prepare { scene })).await;
     }
 
@@ -197,8 +197,8 @@ impl Peer {
     }
 }
 
-pub(crate) fn digest_of(scene: &[u8]) -> String {
-    digest_text(blake3::hash(scene).as_bytes())
+pub(crate) fn digest_of(scene: &[u8]) -> Digest {
+    SceneRef::of(scene).digest
 }
 
 pub(crate) fn settings() -> Settings {
@@ -254,7 +254,8 @@ impl Renderer for Grey {
 }
 
 impl Scene for Grey {
-    fn set_up(&self, settings: &Settings, _: &[ByteBuf]) -> anyhow::Result<Arc<dyn FrameTasks>> {
+    fn set_up(&self, frame: &Frame) -> anyhow::Result<Arc<dyn FrameTasks>> {
+        let settings = &frame.settings;
         if !settings.vpls.is_multiple_of(settings.vpl_sets) {
             bail!("the VPLs cannot be divided");
         }
@@ -274,14 +275,16 @@ impl FrameTasks for GreyFrame {
         assert!(task.index != BREAKING, "this task is broken");
         let all = self.settings.width * self.settings.height / self.settings.groups;
         let mut output = Output::default();
+        let mut radiance = Vec::new();
         while output.pixels < all && !stop() {
             if !self.pixel.is_zero() {
                 std::thread::sleep(self.pixel);
             }
             output.pixels += 1;
-            output.radiance.extend([task.group as f32; 3]);
+            radiance.extend([task.group as f32; 3]);
             output.shadow_rays += 1;
         }
+        output.radiance = Radiance::pack(&radiance, Encoding::Exact);
         output
     }
 }
