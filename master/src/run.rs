@@ -71,6 +71,7 @@ fn render(args: &RenderArgs, clock: Clock, bars: &MultiProgress) -> Result<Exit,
     let job = Job::new(args)?;
     let staged = job.files.stage().context("--out").or_exit(Exit::Output)?;
     let report_file = stage_report(job.report.as_deref())?;
+    server::raise_connections_max();
     let listener = server::bind(job.listen).or_exit(Exit::Listen)?;
     let mut progress = Progress::start(args.quiet, bars);
     let setting = Setting {

@@ -8,6 +8,7 @@ use std::{
 };
 
 use protocol::{WorkerId, limits};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use tokio::{sync::Semaphore, time::sleep};
 
 use crate::connection::{self, Shared};
@@ -24,9 +25,24 @@ pub struct ListenError {
 pub fn bind(address: SocketAddr) -> Result<TcpListener, ListenError> {
     let bound = TcpListener::bind(address).and_then(|listener| {
         listener.set_nonblocking(true)?;
+        // A second `listen` only lengthens the queue, in which the machines of a lab may all be at once.
+        rustix::net::listen(&listener, limits::WORKERS as i32)?;
         Ok(listener)
     });
     bound.map_err(|source| ListenError { address, source })
+}
+
+/// Lets this process have as many connections as the system allows it, not as many as it would have without
+/// asking.
+pub fn raise_connections_max() {
+    let limit = getrlimit(Resource::Nofile);
+    let raised = Rlimit {
+        current: limit.maximum,
+        ..limit
+    };
+    if let Err(error) = setrlimit(Resource::Nofile, raised) {
+        tracing::debug!(%error, ?limit, "the number of connections stays as it is");
+    }
 }
 
 /// Pause after the system refused a connection, as it does when file descriptors run out.
