@@ -38,6 +38,11 @@ impl Camera {
         self.eye
     }
 
+    /// Width of a pixel at unit distance, measured along the optical axis.
+    pub fn pixel_width(&self) -> f32 {
+        self.right.length()
+    }
+
     /// Unit direction through a point of the picture, in pixels from its upper left corner; the centre
     /// of the first pixel is (0.5, 0.5).
     pub fn direction(&self, x: f32, y: f32) -> Vec3 {

@@ -5,6 +5,7 @@
 
 mod alike;
 mod complete;
+pub mod guided;
 mod kept_sets;
 mod nearest;
 
