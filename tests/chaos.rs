@@ -1,11 +1,11 @@
 //! Workers die, stall, come late and go early: the picture is there by its deadline all the same.
 
-use std::{thread, time::Duration};
+use std::{net::TcpListener, process::Command, thread, time::Duration};
 
 use gridlight::{
     master::{Finished, Master, Running},
     oiio::assert_finite,
-    programs::{children, signal},
+    programs::{children, program, root, signal},
     worker::Worker,
 };
 
@@ -93,6 +93,32 @@ fn a_worker_that_comes_in_mid_frame_contributes() {
     assert_delivered(&picture);
     assert!(tasks_of(&picture, "late") > 0);
     assert_eq!(picture.count("/slots"), 2);
+}
+
+/// The same worker serves one master after the other.
+#[test]
+fn a_worker_that_was_warmed_needs_no_byte_of_the_scene_for_its_frame() {
+    let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
+    let address = free.expect("a free port");
+    let _warmed = Worker::start("warmed", address, 1);
+    let flags = ["--wait", "30", "--expect-workers", "1", "--listen"];
+    let warm = Command::new(program("master"))
+        .arg("warm")
+        .args(flags)
+        .arg(address.to_string())
+        .current_dir(root())
+        .output()
+        .expect("the program starts");
+    let said = String::from_utf8_lossy(&warm.stderr);
+    assert!(
+        warm.status.success() && said.contains("a worker has the scene"),
+        "{said}"
+    );
+
+    let picture = start(&format!("--local-slots 0 --listen {address}")).finish();
+    assert_delivered(&picture);
+    assert!(tasks_of(&picture, "warmed") > 0);
+    assert_eq!(picture.worker("warmed")["scene_bytes"], 0);
 }
 
 #[test]

@@ -30,7 +30,7 @@ struct Options {
     /// Tasks that each works on at a time
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
     slots: u32,
-    /// Time that a task takes
+    /// Mean time of a task; each takes from half to three halves of it
     #[arg(long, value_name = "MILLISECONDS", default_value_t = 800)]
     task_ms: u32,
     /// It all ends after so long
@@ -45,8 +45,10 @@ struct Seen {
     failed: u32,
     results: u64,
     result_bytes: u64,
-    /// From a request to the task that answers it.
+    /// From a request to the task that answers it, but for those that all workers sent at once.
     waits: Vec<Duration>,
+    /// The longest of those.
+    begin: Duration,
     first: Option<Instant>,
     last: Option<Instant>,
 }
@@ -94,13 +96,14 @@ fn report(seen: &mut Seen) {
         _ => Duration::ZERO,
     };
     println!(
-        "{{\"joined\": {}, \"failed\": {}, \"results\": {}, \"result_bytes\": {}, \"seconds\": {:.3}, \
+        "{{\"joined\": {}, \"failed\": {}, \"results\": {}, \"result_bytes\": {}, \"seconds\": {:.3}, \"begin_ms\": {:.3}, \
          \"wait_ms\": {{\"p50\": {:.3}, \"p99\": {:.3}, \"max\": {:.3}}}}}",
         seen.joined,
         seen.failed,
         seen.results,
         seen.result_bytes,
         time.as_secs_f64(),
+        1e3 * seen.begin.as_secs_f64(),
         wait_ms(0.5),
         wait_ms(0.99),
         wait_ms(1.0),
@@ -116,6 +119,8 @@ struct Worker<'a> {
     frame: Option<(FrameId, Light)>,
     /// When each task that was asked for was asked for.
     asked: VecDeque<Instant>,
+    /// Tasks that came on the first request.
+    begun: u32,
     /// Tasks with the times at which they will be done, in order.
     working: VecDeque<(Instant, Task)>,
 }
@@ -136,6 +141,7 @@ async fn worker(options: Options, number: u32, shared: &Shared) -> anyhow::Resul
         writer,
         frame: None,
         asked: VecDeque::new(),
+        begun: 0,
         working: VecDeque::new(),
     };
     worker.writer.push(&ToMaster::Hello(Hello {
@@ -215,12 +221,25 @@ impl Worker<'_> {
         let mut seen = self.shared.borrow_mut();
         for &task in tasks {
             let asked = self.asked.pop_front().context("more tasks than were asked for")?;
-            seen.waits.push(now - asked);
+            if self.begun < self.options.slots {
+                self.begun += 1;
+                seen.begin = seen.begin.max(now - asked);
+            } else {
+                seen.waits.push(now - asked);
+            }
             seen.first.get_or_insert(now);
-            self.working
-                .push_back((now + Duration::from_millis(self.options.task_ms.into()), task));
+            let done = now + self.time_of(task);
+            let place = self.working.partition_point(|&(other, _)| other <= done);
+            self.working.insert(place, (done, task));
         }
         Ok(())
+    }
+
+    /// From half the mean time to three halves of it, so that tasks which began together do not end so.
+    fn time_of(&self, task: Task) -> Duration {
+        let number = (task.group << 6) ^ task.index ^ (task.component as u32) << 31;
+        let chance = f64::from(number.wrapping_mul(2_654_435_761)) / f64::from(u32::MAX);
+        Duration::from_millis(self.options.task_ms.into()).mul_f64(0.5 + chance)
     }
 
     fn finish(&mut self) -> anyhow::Result<()> {

@@ -11,6 +11,7 @@ import re
 import resource
 import subprocess
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -23,9 +24,9 @@ def main():
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     print(f"{options.workers} workers × {options.slots} slots, {options.groups} groups of 1024×768, "
           f"deadline {options.deadline:g} s\n")
-    print("| Task takes | Joined | Results | Results/s | Wait, median | p99 | longest | Master's memory "
+    print("| Task takes | Joined | Results | Results/s | First tasks | Wait, median | p99 | longest | Master's memory "
           "| its processor | Left |")
-    print("| --: | --: | --: | --: | --: | --: | --: | --: | --: | --: |")
+    print("| --: | --: | --: | --: | --: | --: | --: | --: | --: | --: | --: |")
     for task_ms in options.task_ms:
         print(row(options, task_ms), flush=True)
 
@@ -56,6 +57,8 @@ def row(options, task_ms):
         for line in master.stderr:
             if found := re.search(r"workers may connect.*address=(\S+)", re.sub(r"\x1b\[[0-9;]*m", "", line)):
                 break
+        # What it says must not fill the pipe.
+        threading.Thread(target=master.stderr.read, daemon=True).start()
         load = [options.target / "examples/load", "--connect", found[1], "--workers", str(options.workers)]
         load += ["--slots", str(options.slots), "--task-ms", str(task_ms), "--within", str(int(options.deadline) + 5)]
         load = subprocess.Popen(load, stdout=subprocess.PIPE, text=True)
@@ -64,6 +67,7 @@ def row(options, task_ms):
         delivered = json.loads(report.read_text(encoding="utf-8"))
     wait = seen["wait_ms"]
     cells = [f"{task_ms} ms", seen["joined"], seen["results"], f"{seen['results'] / seen['seconds']:.0f}"]
+    cells += [f"{seen['begin_ms']:.0f} ms"]
     cells += [f"{wait[name]:.1f} ms" for name in ("p50", "p99", "max")]
     cells += [f"{memory / 1e6:.0f} MB", f"{processor:.1f} s", f"{1e3 * delivered['slack_s']:.0f} ms"]
     return "| " + " | ".join(map(str, cells)) + " |"
@@ -71,11 +75,8 @@ def row(options, task_ms):
 
 def watch(process):
     """Largest resident memory of a process in bytes, and its processor time in seconds, until it ends."""
-    os.set_blocking(process.stderr.fileno(), False)
     memory, processor = 0, 0.0
     while process.poll() is None:
-        # What it says must not fill the pipe.
-        process.stderr.read()
         try:
             status = Path(f"/proc/{process.pid}/status").read_text()
             fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()

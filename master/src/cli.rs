@@ -39,9 +39,28 @@ pub struct Cli {
 /// What the program does when it does not render a picture.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Gives a scene to the workers that come, so that the next frame of it begins at once.
+    Warm(WarmArgs),
     /// Renders tasks for the master that started it on the same machine.
     #[command(hide = true)]
     Worker(LocalWorkerArgs),
+}
+
+/// The flags of `warm`.
+#[derive(Debug, Clone, Args)]
+pub struct WarmArgs {
+    /// Scene: a .toml scene file, or a bare .obj [default: the Cornell box]
+    #[arg(long, value_name = "FILE")]
+    pub scene: Option<PathBuf>,
+    /// Address for workers to connect to
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:7420", value_parser = listen)]
+    pub listen: SocketAddr,
+    /// How long to wait for workers, in seconds
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = seconds)]
+    pub wait: Duration,
+    /// End as soon as so many workers have the scene
+    #[arg(long, value_name = "COUNT")]
+    pub expect_workers: Option<usize>,
 }
 
 /// The flags that a master gives to the worker it starts.
@@ -270,6 +289,14 @@ fn deadline(text: &str) -> Result<Duration, String> {
         return Err(format!(
             "a deadline must be from {DEADLINE_MIN_S} to {DEADLINE_MAX_S} seconds"
         ));
+    }
+    Ok(Duration::from_secs_f64(seconds))
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = number(text)?;
+    if !(0.0..=DEADLINE_MAX_S).contains(&seconds) {
+        return Err(format!("must be from 0 to {DEADLINE_MAX_S} seconds"));
     }
     Ok(Duration::from_secs_f64(seconds))
 }

@@ -10,7 +10,8 @@ Exit codes:
   4    the picture or the report cannot be written
   5    cannot listen on the address
   6    the deadline was missed
-  7    the full workload cannot be completed: the local worker dies again and again
+  7    the full workload cannot be completed: the local worker dies again and again;
+       warm: fewer workers have the scene than were expected
   130  interrupted by Ctrl-C; what was finished was delivered
   143  ended by SIGTERM; what was finished was delivered
 

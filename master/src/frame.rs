@@ -172,8 +172,11 @@ impl Frame {
         self.handle(Event::Tick, None);
     }
 
-    /// A sign of life to everyone.
+    /// A sign of life to everyone, and what was learnt by the last ones.
     pub fn ping(&mut self) {
+        for (worker, delta_t) in self.roster.delta_ts() {
+            self.delta_t(worker, delta_t);
+        }
         let now = self.clock.now();
         encoded(self.roster.ping_all(now));
     }
@@ -294,8 +297,7 @@ impl Frame {
                 }
             }
             ToMaster::Pong(pong) => {
-                let delta_t = self.roster.pong(worker, pong.nonce, self.clock.now());
-                self.delta_t(worker, delta_t);
+                self.roster.pong(worker, pong.nonce, self.clock.now());
             }
             ToMaster::Leaving(leaving) => {
                 tracing::info!(%worker, reason = leaving.reason, "a worker leaves");
@@ -367,16 +369,14 @@ impl Frame {
         if has_begun && member.prepared && !member.ready {
             member.ready = true;
             let slots = member.slots;
-            let delta_t = member.link.delta_t(slots);
+            let nothing_yet = member.link.delta_t(Duration::ZERO);
             self.handle(Event::WorkerReady { worker, slots }, None);
-            self.delta_t(worker, Some(delta_t));
+            self.delta_t(worker, nothing_yet);
         }
     }
 
-    fn delta_t(&mut self, worker: WorkerId, measured: Option<Duration>) {
-        let Some(delta_t) = self.delta_t.or(measured) else {
-            return;
-        };
+    fn delta_t(&mut self, worker: WorkerId, measured: Duration) {
+        let delta_t = self.delta_t.unwrap_or(measured);
         if let Some(report) = self.roster.report(worker) {
             report.delta_t_s = delta_t.as_secs_f64();
         }

@@ -1,8 +1,8 @@
 //! Plans a frame, hands out its tasks and delivers the picture by the deadline.
 //!
 //! Deciding is apart from doing: [`plan`] orders the tasks, [`scheduler`] decides who gets which and
-//! what counts, [`lease`] how much of it at once, [`deadline`] decides when tracing must end and [`link`]
-//! when each worker must send; none of them knows a socket, a thread or a clock. Around them is the shell: [`run`] is the program's
+//! what counts, [`lease`] how much of it at once, [`deadline`] decides when tracing must end, [`link`] and
+//! [`flush`] when each worker must send; none of them knows a socket, a thread or a clock. Around them is the shell: [`run`] is the program's
 //! table of contents, [`session`] its one loop, [`frame`] makes events of what happens and does what
 //! the scheduler decides.
 
@@ -12,6 +12,7 @@ pub mod plan;
 pub mod scheduler;
 
 pub mod deadline;
+pub mod flush;
 pub mod link;
 
 pub mod cli;
@@ -27,6 +28,8 @@ pub mod connection;
 pub mod meter;
 pub mod server;
 pub mod wire;
+
+pub mod warm;
 
 pub mod local_worker;
 pub mod prepare;

@@ -1,13 +1,14 @@
 //! How long a worker's last results take to come: the paper's Δt, estimated with every message.
 //!
-//! Δt = a round trip + one chunk of rays + the time on the wire of what all slots send at once.
+//! Δt = a round trip + one chunk of rays + the time until its last results are through, which
+//! [`flush`](crate::flush) finds from those of everyone.
 //! A *whole* round trip: the worker counts its time from when it reads the message, which is one way
 //! late, and the results take the other way. Round trips are taken near their largest: pongs wait
 //! behind pixels and behind other programs exactly as results do.
 
-use std::{collections::VecDeque, time::Duration};
+use std::{collections::VecDeque, net::IpAddr, time::Duration};
 
-use crate::meter::Throughput;
+use crate::{flush::Flush, meter::Throughput};
 
 /// Measurements that are remembered of each kind.
 const RECENT: usize = 32;
@@ -17,8 +18,6 @@ const TAIL_DIVISOR: usize = 16;
 const ROUND_TRIP_UNKNOWN: Duration = Duration::from_millis(4);
 /// As in the largest task of the paper's settings.
 const CHUNK_UNKNOWN: Duration = Duration::from_millis(2);
-/// What the slowest network we plan for carries: 100 Mbit/s.
-const BYTES_PER_SECOND_MIN: f64 = 12.5e6;
 
 /// What is known of the way to one worker.
 #[derive(Debug, Clone)]
@@ -53,13 +52,20 @@ impl Link {
         self.result_bytes = self.result_bytes.max(bytes as f64);
     }
 
-    /// How long before the cut-off a worker with so many slots must stop.
-    pub fn delta_t(&self, slots: u32) -> Duration {
-        let flush_bytes = self.result_bytes * f64::from(slots);
-        let flush = flush_bytes / self.throughput.bytes_per_second().max(BYTES_PER_SECOND_MIN);
+    /// What a worker with so many slots sends at the end.
+    pub fn flush(&self, host: IpAddr, slots: u32) -> Flush {
+        Flush {
+            host,
+            bytes: self.result_bytes * f64::from(slots),
+            bytes_per_second: self.throughput.bytes_per_second(),
+        }
+    }
+
+    /// How long before the cut-off the worker must stop, if its results need so long until they are through.
+    pub fn delta_t(&self, flush: Duration) -> Duration {
         self.round_trips.high().unwrap_or(ROUND_TRIP_UNKNOWN)
             + self.chunks.high().unwrap_or(CHUNK_UNKNOWN)
-            + Duration::from_secs_f64(flush)
+            + flush
     }
 }
 
@@ -96,14 +102,27 @@ mod tests {
     }
 
     #[test]
-    fn delta_t_adds_the_round_trip_a_chunk_and_the_last_results_of_all_slots() {
+    fn delta_t_adds_the_round_trip_a_chunk_and_the_time_until_the_last_results_are_through() {
+        let mut link = Link::new(Throughput::default());
+        link.round_trip(ms(2));
+        link.result(125_000, 10, ms(30));
+        assert_eq!(link.delta_t(ms(4)), ms(2 + 3 + 4));
+    }
+
+    #[test]
+    fn at_the_end_every_slot_sends_a_result() {
         let throughput = Throughput::default();
         throughput.saw(125_000, ms(1));
         let mut link = Link::new(throughput);
-        link.round_trip(ms(2));
         link.result(125_000, 10, ms(30));
-        // Four slots with 125 kB each at 125 MB/s.
-        assert_eq!(link.delta_t(4), ms(2 + 3 + 4));
+        link.result(90_000, 7, ms(20));
+        let host = IpAddr::from([10, 0, 0, 1]);
+        let expected = Flush {
+            host,
+            bytes: 500e3,
+            bytes_per_second: 125e6,
+        };
+        assert_eq!(link.flush(host, 4), expected);
     }
 
     #[test]
@@ -114,7 +133,7 @@ mod tests {
             link.round_trip(ms(1));
         }
         link.round_trip(ms(500));
-        assert_eq!(link.delta_t(1), ms(1));
+        assert_eq!(link.delta_t(ms(0)), ms(1));
     }
 
     #[test]
@@ -124,6 +143,6 @@ mod tests {
         for milliseconds in [1, 1, 1, 1, 40, 40, 40] {
             link.round_trip(ms(milliseconds));
         }
-        assert_eq!(link.delta_t(1), ms(40));
+        assert_eq!(link.delta_t(ms(0)), ms(40));
     }
 }

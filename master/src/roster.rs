@@ -2,6 +2,7 @@
 
 use std::{
     collections::{BTreeMap, VecDeque},
+    net::IpAddr,
     time::Duration,
 };
 
@@ -12,7 +13,13 @@ use protocol::{
 };
 use tokio::sync::mpsc;
 
-use crate::{connection::Joined, frame_time::FrameTime, link::Link, report::WorkerReport};
+use crate::{
+    connection::Joined,
+    flush::{Flush, lead_times},
+    frame_time::FrameTime,
+    link::Link,
+    report::WorkerReport,
+};
 
 /// Pings of which the answers are still waited for.
 const PINGS_REMEMBERED: usize = 16;
@@ -32,6 +39,7 @@ pub struct Roster {
 pub struct Member {
     /// What it calls itself.
     pub name: String,
+    host: IpAddr,
     /// Tasks that it renders at a time.
     pub slots: u32,
     /// Whether this process started it.
@@ -61,6 +69,7 @@ impl Roster {
         });
         let member = Member {
             name: joined.hello.name,
+            host: joined.address.ip(),
             slots: joined.hello.slots,
             is_local: joined.is_local,
             link: Link::new(joined.throughput),
@@ -134,22 +143,34 @@ impl Roster {
         Ok((nonce, Sealed::new(&ToWorker::Ping(Ping { nonce }))?))
     }
 
-    /// Takes the answer to a ping and returns the new Δt.
-    pub fn pong(&mut self, worker: WorkerId, nonce: u64, now: FrameTime) -> Option<Duration> {
-        let member = self.members.get_mut(&worker)?;
-        let place = member.pings.iter().position(|&(sent, _)| sent == nonce)?;
-        let (_, sent) = member.pings.drain(..=place).next_back()?;
-        member.link.round_trip(sent.until(now));
-        Some(member.link.delta_t(member.slots))
+    /// Takes the answer to a ping.
+    pub fn pong(&mut self, worker: WorkerId, nonce: u64, now: FrameTime) {
+        let Some(member) = self.members.get_mut(&worker) else {
+            return;
+        };
+        let place = member.pings.iter().position(|&(sent, _)| sent == nonce);
+        let answered = place.and_then(|place| member.pings.drain(..=place).next_back());
+        if let Some((_, sent)) = answered {
+            member.link.round_trip(sent.until(now));
+        }
+    }
+
+    /// The Δt of everyone who is here: they take turns to send their last results.
+    pub fn delta_ts(&self) -> Vec<(WorkerId, Duration)> {
+        let members = self.members.values();
+        let flushes: Vec<Flush> = members
+            .map(|member| member.link.flush(member.host, member.slots))
+            .collect();
+        let members = self.members.iter().zip(lead_times(&flushes));
+        members
+            .map(|((&worker, member), flush)| (worker, member.link.delta_t(flush)))
+            .collect()
     }
 
     /// The longest Δt of all that are here.
     pub fn delta_t_longest(&self) -> Duration {
-        let members = self.members.values();
-        members
-            .map(|member| member.link.delta_t(member.slots))
-            .max()
-            .unwrap_or_default()
+        let delta_ts = self.delta_ts().into_iter();
+        delta_ts.map(|(_, delta_t)| delta_t).max().unwrap_or_default()
     }
 
     /// What a worker has contributed so far.

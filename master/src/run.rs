@@ -23,6 +23,7 @@ use crate::{
     report::Report,
     server,
     session::{Session, Setting},
+    warm,
 };
 
 /// Does what the command line says and ends the process.
@@ -38,6 +39,10 @@ pub fn run(cli: &Cli) -> ! {
             local_worker::run(*args)
                 .or_exit(Exit::Unforeseen)
                 .map(|()| Exit::Delivered)
+        }
+        Some(Command::Warm(args)) => {
+            logging::start(false, 1, &bars);
+            warm::run(args, clock)
         }
         None => {
             logging::start(cli.render.quiet, cli.render.verbose, &bars);

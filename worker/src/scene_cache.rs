@@ -12,7 +12,7 @@ use crate::disk_cache::DiskCache;
 use crate::renderer::{LoadedScene, Renderer};
 
 /// Scenes stay in memory while all together have at most so many bytes. With its BVH a scene takes about
-/// seven times its bytes.
+/// three times its bytes.
 const WARM_BYTES: u64 = 128 << 20;
 
 /// Scenes, each known by its digest.
