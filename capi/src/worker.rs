@@ -6,7 +6,8 @@ use std::{
     thread::{self, JoinHandle},
 };
 
-use ::worker::{Ended, Lifetime, Stop, WorkerOptions, cli};
+use ::worker::settings::{Settings, Slots};
+use ::worker::{Ended, Lifetime, Priority, Stop, WorkerOptions, cli};
 
 use crate::{
     boundary::{Output, free, guard, object, object_mut, text},
@@ -123,10 +124,14 @@ fn slots_of(slots: u32) -> Result<u32, Failure> {
     } else {
         slots.to_string()
     };
-    let slots: cli::Slots = slots
+    let slots: Slots = slots
         .parse()
         .map_err(|reason| Failure::invalid(format!("`slots` is {slots}: {reason}")))?;
-    Ok(slots.count())
+    let settings = Settings {
+        slots: Some(slots),
+        ..Settings::default()
+    };
+    Ok(settings.slots_max())
 }
 
 impl Worker {
@@ -134,8 +139,12 @@ impl Worker {
         Self {
             options: WorkerOptions {
                 connect,
-                slots: cli::Slots::Auto.count(),
+                slots: Settings::default().slots_max(),
                 name: cli::host_name(),
+                // When to render, and how politely, is for the program around it to say.
+                policy: None,
+                priority: Priority::Ordinary,
+                memory_max: Settings::default().memory_max(),
                 lifetime: Lifetime::Service,
                 // The host has not said that files may be written.
                 cache: None,

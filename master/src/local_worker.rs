@@ -10,7 +10,7 @@ use tokio::{
     process::{Child, Command},
 };
 
-use worker::{Lifetime, WorkerOptions};
+use worker::{Lifetime, Priority, WorkerOptions};
 
 use crate::cli::{LocalWorkerArgs, VERSION};
 
@@ -25,6 +25,9 @@ pub fn run(args: LocalWorkerArgs) -> anyhow::Result<()> {
         connect: args.connect.to_string(),
         slots: args.slots,
         name: NAME.to_owned(),
+        policy: None,
+        priority: Priority::Ordinary,
+        memory_max: u64::MAX,
         lifetime: Lifetime::OneMaster {
             token: env::var(TOKEN_VARIABLE).ok(),
         },

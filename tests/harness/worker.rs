@@ -23,7 +23,7 @@ impl Worker {
     pub fn start(name: &str, master: SocketAddr, slots: u32) -> Self {
         let mut child = Command::new(program("worker"))
             .args(["--connect", &master.to_string(), "--name", name])
-            .args(["--slots", &slots.to_string()])
+            .args(["--slots", &slots.to_string(), "--priority", "ordinary"])
             // What other tests left on disk must not matter.
             .args(["--cache-bytes", "0"])
             .current_dir(root())

@@ -21,7 +21,7 @@ use protocol::{Component, FrameId, Radiance, Task, ToMaster, ToWorker, WorkerId,
 use tokio::net::TcpListener;
 use worker::clock::Clock;
 use worker::renderer::{Frame, LoadedScene, Output, Renderer, Scene};
-use worker::{Lifetime, WorkerOptions};
+use worker::{Lifetime, Priority, WorkerOptions};
 
 const SLOTS: u32 = 2;
 const ROUNDS: usize = 5;
@@ -138,6 +138,9 @@ fn pulled(work: Work) -> Duration {
             connect: listener.local_addr().unwrap().to_string(),
             slots: SLOTS,
             name: "bench".to_owned(),
+            policy: None,
+            priority: Priority::Ordinary,
+            memory_max: u64::MAX,
             lifetime: Lifetime::OneMaster { token: None },
             cache: None,
             version: "bench".to_owned(),

@@ -1,18 +1,23 @@
 //! The command line of `worker`.
 
+use std::fmt::Display;
 use std::fs;
-use std::io::IsTerminal as _;
-use std::num::NonZeroU32;
-use std::str::FromStr;
-use std::thread::available_parallelism;
+use std::io::{IsTerminal as _, Write as _, stdout};
+use std::path::PathBuf;
 
-use clap::{ArgAction, CommandFactory as _, Parser};
+use anyhow::{Context as _, bail};
+use clap::{ArgAction, Args, CommandFactory as _, Parser, Subcommand};
+use jiff::SignedDuration;
 use protocol::limits;
 use tracing_subscriber::EnvFilter;
 
-use crate::disk_cache::{self, CacheOptions};
+use crate::clock::Clock;
+use crate::control::{self, Order};
+use crate::doctor::{self, Finding, Health};
 use crate::exit;
 use crate::options::{Lifetime, WorkerOptions};
+use crate::priority::Priority;
+use crate::settings::Settings;
 
 /// The program's version and the revision it was built from.
 pub const VERSION: &str = concat!(env!("GRIDLIGHT_VERSION"), " (", env!("GRIDLIGHT_REVISION"), ")");
@@ -22,28 +27,21 @@ Exit codes: 0 told to stop; 1 could not work, the last line says why; 2 wrong co
 
 Scenes are kept in $CACHE_DIRECTORY, else $XDG_CACHE_HOME/gridlight, else ~/.cache/gridlight.";
 
+/// Longest pause; who wants more writes `when = "never"`.
+const PAUSE_SECONDS_MAX: u64 = 366 * 24 * 3600;
+
 /// Renders for a Gridlight master on the cores of this machine.
 ///
 /// Keeps trying until a master is there, and again when it is gone, until SIGTERM or Control-C. Then
 /// what is done so far is sent, within a tenth of a second.
 #[derive(Debug, Parser)]
-#[command(name = "worker", version = VERSION, after_help = EXIT_CODES)]
+#[command(name = "worker", version = VERSION, after_help = EXIT_CODES, args_conflicts_with_subcommands = true)]
 struct Arguments {
-    /// Where the master listens
-    #[arg(long, value_name = "HOST:PORT", value_parser = address)]
-    connect: String,
+    #[command(subcommand)]
+    command: Option<Command>,
 
-    /// Threads that render; auto: one for each core
-    #[arg(long, value_name = "auto|N", default_value = "auto")]
-    slots: Slots,
-
-    /// Name shown to people [default: the host's]
-    #[arg(long, value_parser = name)]
-    name: Option<String>,
-
-    /// Scenes that came before are kept on disk up to so many bytes; 0 keeps none
-    #[arg(long, value_name = "BYTES", default_value_t = CACHE_BYTES)]
-    cache_bytes: u64,
+    #[command(flatten)]
+    work: WorkArguments,
 
     /// Only errors; twice: nothing
     #[arg(short, long, action = ArgAction::Count)]
@@ -54,45 +52,64 @@ struct Arguments {
     verbose: u8,
 }
 
-/// Scenes on disk: 4 GB.
-const CACHE_BYTES: u64 = 4_000_000_000;
-
-/// A number of threads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Slots {
-    /// One for each core that this process may use.
-    Auto,
-    /// So many.
-    Count(NonZeroU32),
+/// What can be wanted of the worker that runs on this machine.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Say how the worker of this machine is
+    Status {
+        /// As JSON, for scripts
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        control: ControlArguments,
+    },
+    /// Let the worker of this machine render nothing for a while, as in `worker pause 1h`
+    Pause {
+        /// How long, as in 90s, 20min, 1h30m or 48h
+        #[arg(value_parser = pause_seconds)]
+        time: u64,
+        #[command(flatten)]
+        control: ControlArguments,
+    },
+    /// End a pause
+    Resume {
+        #[command(flatten)]
+        control: ControlArguments,
+    },
+    /// Try everything that a worker needs here, and say what to do about what fails
+    ///
+    /// Give it the flags of the worker that you mean. Exit code 1: a worker cannot work.
+    Doctor {
+        /// As JSON, for scripts
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        work: Box<WorkArguments>,
+    },
 }
 
-impl Slots {
-    /// The number, never more than the protocol allows.
-    pub fn count(self) -> u32 {
-        match self {
-            Self::Auto => available_parallelism()
-                .map_or(1, |cores| cores.get() as u32)
-                .min(limits::SLOTS),
-            Self::Count(count) => count.get(),
-        }
-    }
+#[derive(Debug, Args)]
+struct ControlArguments {
+    /// Where the worker listens to people [default: where a worker of this user or of the system does]
+    #[arg(long, value_name = "FILE")]
+    socket: Option<PathBuf>,
 }
 
-impl FromStr for Slots {
-    type Err = String;
+#[derive(Debug, Args)]
+struct WorkArguments {
+    /// A worker.toml with settings; flags win over it
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        if text == "auto" {
-            return Ok(Self::Auto);
-        }
-        let count = text
-            .parse()
-            .ok()
-            .and_then(NonZeroU32::new)
-            .filter(|count| count.get() <= limits::SLOTS);
-        count
-            .map(Self::Count)
-            .ok_or_else(|| format!("give auto, or a number from 1 to {}", limits::SLOTS))
+    #[command(flatten)]
+    settings: Settings,
+}
+
+impl WorkArguments {
+    /// The settings of the command line and, where it says nothing, of the file.
+    fn settings(self) -> anyhow::Result<Settings> {
+        let file = self.config.as_deref().map(Settings::read).transpose()?;
+        Ok(self.settings.or(file.unwrap_or_default()))
     }
 }
 
@@ -105,11 +122,15 @@ pub fn command() -> clap::Command {
 pub fn main() -> ! {
     let arguments = Arguments::parse();
     start_log(arguments.quiet, arguments.verbose);
-    let code = match crate::run(arguments.into()) {
-        Ok(ended) => {
-            tracing::info!(?ended, "bye");
-            0
-        }
+    let done = match arguments.command {
+        None => work(arguments.work),
+        Some(Command::Status { json, control }) => give(Order::Status, control, json),
+        Some(Command::Pause { time, control }) => give(Order::Pause { seconds: time }, control, false),
+        Some(Command::Resume { control }) => give(Order::Resume, control, false),
+        Some(Command::Doctor { json, work }) => examine(*work, json),
+    };
+    let code = match done {
+        Ok(()) => 0,
         Err(error) => {
             tracing::error!("{error:#}");
             1
@@ -118,31 +139,59 @@ pub fn main() -> ! {
     exit::at_once(code)
 }
 
-impl From<Arguments> for WorkerOptions {
-    fn from(arguments: Arguments) -> Self {
-        Self {
-            connect: arguments.connect,
-            slots: arguments.slots.count(),
-            name: arguments.name.unwrap_or_else(host_name),
-            lifetime: Lifetime::Service,
-            cache: cache(arguments.cache_bytes),
-            version: VERSION.to_owned(),
-        }
+fn work(arguments: WorkArguments) -> anyhow::Result<()> {
+    let ended = crate::run(options(arguments.settings()?)?)?;
+    tracing::info!(?ended, "bye");
+    Ok(())
+}
+
+/// Gives an order to the worker of this machine and shows how it is then.
+fn give(order: Order, control: ControlArguments, json: bool) -> anyhow::Result<()> {
+    let status = control::client::give(order, control.socket)?;
+    if json {
+        print(serde_json::to_string(&status)?)
+    } else {
+        print(status)
     }
 }
 
-/// Where scenes are kept, if they are.
-fn cache(limit_bytes: u64) -> Option<CacheOptions> {
-    if limit_bytes == 0 {
-        return None;
+/// Shows what is found, and fails if a worker could not work.
+fn examine(arguments: WorkArguments, json: bool) -> anyhow::Result<()> {
+    let settings = arguments.settings()?;
+    let findings = crate::in_network_loop(async { Ok(doctor::examine(&settings, Clock::start()).await) })?;
+    if json {
+        print(serde_json::to_string(&findings)?)?;
+    } else {
+        findings.iter().try_for_each(print)?;
     }
-    let folder = disk_cache::folder(|name| std::env::var_os(name));
-    if folder.is_none() {
-        tracing::warn!(
-            "scenes are not kept: set CACHE_DIRECTORY, XDG_CACHE_HOME or HOME to a folder for them"
-        );
+    let is_bad = |finding: &&Finding| finding.health == Health::Bad;
+    match findings.iter().filter(is_bad).count() {
+        0 => Ok(()),
+        bad => bail!(
+            "a worker cannot work here: {bad} of {} findings forbid it",
+            findings.len()
+        ),
     }
-    folder.map(|folder| CacheOptions { folder, limit_bytes })
+}
+
+fn print(text: impl Display) -> anyhow::Result<()> {
+    writeln!(stdout(), "{text}").context("cannot write to standard output")
+}
+
+fn options(settings: Settings) -> anyhow::Result<WorkerOptions> {
+    let policy = settings.policy();
+    let no_address = "there is no address of a master; give --connect HOST:PORT, or `connect` in worker.toml";
+    Ok(WorkerOptions {
+        memory_max: settings.memory_max(),
+        cache: settings.cache(),
+        connect: settings.connect.context(no_address)?,
+        slots: policy.slots_max,
+        name: settings.name.unwrap_or_else(host_name),
+        policy: Some(policy),
+        priority: settings.priority.unwrap_or(Priority::Idle),
+        lifetime: Lifetime::Service,
+        version: VERSION.to_owned(),
+    })
 }
 
 /// Lines for people on standard error. `RUST_LOG` has the last word.
@@ -186,6 +235,15 @@ pub fn name(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
+/// A time such as `1h30m`, in seconds.
+fn pause_seconds(text: &str) -> Result<u64, String> {
+    let time = text.parse::<SignedDuration>().ok().map(|time| time.as_secs());
+    let seconds = time.and_then(|seconds| u64::try_from(seconds).ok());
+    seconds
+        .filter(|seconds| (1..=PAUSE_SECONDS_MAX).contains(seconds))
+        .ok_or_else(|| "give a time such as 90s, 20min, 1h30m or 48h, up to a year".to_owned())
+}
+
 /// The name of this machine, as far as it can be shown to people.
 pub fn host_name() -> String {
     let text = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
@@ -209,18 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn slots_are_a_number_within_the_limit_or_auto() {
-        assert_eq!("auto".parse(), Ok(Slots::Auto));
-        assert_eq!("3".parse::<Slots>().map(Slots::count), Ok(3));
-        for text in ["0", "-1", "1025", "many", ""] {
-            assert!(text.parse::<Slots>().is_err(), "{text}");
-        }
-        assert!(Slots::Auto.count() >= 1);
-    }
-
-    #[test]
     fn a_wrong_command_line_says_what_to_give() {
-        assert!(refused(&["worker"]).contains("--connect"));
         for address in ["lab-1", "lab-1:", ":7420", "lab-1:70000", "lab-1:0"] {
             assert!(
                 refused(&["worker", "--connect", address]).contains("lab-1:7420"),
@@ -232,13 +279,31 @@ mod tests {
     }
 
     #[test]
-    fn defaults_are_this_machine() {
-        let arguments = Arguments::try_parse_from(["worker", "--connect", "lab-1:7420"]).unwrap();
-        let options = WorkerOptions::from(arguments);
-        assert_eq!(
-            (options.connect.as_str(), options.lifetime),
-            ("lab-1:7420", Lifetime::Service)
+    fn a_pause_is_given_as_people_say_it() {
+        let times = [("90s", 90), ("20min", 1200), ("1h30m", 5400), ("2h", 7200)];
+        for (text, seconds) in times {
+            assert_eq!(pause_seconds(text), Ok(seconds), "{text}");
+        }
+        for text in ["", "1", "soon", "-1h", "0s", "2d", "9000h"] {
+            assert!(pause_seconds(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_worker_needs_an_address_and_takes_its_machine_for_the_rest() {
+        let error = options(Settings::default()).unwrap_err().to_string();
+        assert!(
+            error.contains("--connect") && error.contains("worker.toml"),
+            "{error}"
         );
+        let connect = Some("lab-1:7420".to_owned());
+        let settings = Settings {
+            connect,
+            ..Settings::default()
+        };
+        let options = options(settings).unwrap();
+        assert_eq!(options.lifetime, Lifetime::Service);
+        assert_eq!(options.priority, Priority::Idle);
         assert!(!options.name.is_empty() && options.slots >= 1);
     }
 }

@@ -3,22 +3,31 @@
 mod session;
 
 use std::hash::{BuildHasher as _, RandomState};
+use std::io;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow, bail};
 use tokio::net::{TcpStream, lookup_host};
+use tokio::sync::watch;
 use tokio::time::{sleep, timeout};
 
 use self::session::{End, Session};
 use crate::backoff::Backoff;
 use crate::clock::Clock;
+use crate::control::{self, server::ControlSocket};
 use crate::disk_cache::{CacheOptions, DiskCache};
 use crate::executor::Executor;
 use crate::loader::Loader;
+use crate::machine::Machine;
+use crate::manners::{Allowance, Policy, When};
 use crate::options::{Lifetime, WorkerOptions};
+use crate::overseer::Overseer;
 use crate::renderer::Renderer;
+use crate::service;
 use crate::signals::Signals;
 use crate::state::Ending;
+use crate::status::StatusBoard;
 
 /// How long one attempt to connect may take. A machine that is switched off does not answer at all.
 const CONNECT_WITHIN: Duration = Duration::from_secs(1);
@@ -40,6 +49,9 @@ pub struct Client {
     executor: Executor,
     loader: Loader,
     signals: Signals,
+    /// Says how many slots may work; `None`: all, always.
+    overseer: Option<Arc<Overseer>>,
+    board: StatusBoard,
     /// The last complaint, so that a hundred attempts do not make a hundred lines.
     said: Option<String>,
 }
@@ -53,15 +65,26 @@ impl Client {
         signals: Signals,
     ) -> anyhow::Result<Self> {
         let threads = || format!("cannot start {} threads: use fewer --slots", options.slots);
-        let executor = Executor::start(options.slots, clock).with_context(threads)?;
-        let loader = Loader::start(renderer, open_cache(options.cache.clone()))
+        let priority = options.priority;
+        let executor = Executor::start(options.slots, priority, clock).with_context(threads)?;
+        let loader = Loader::start(renderer, open_cache(options.cache.clone()), priority)
             .context("cannot start a thread to load scenes")?;
+        let oversee = |policy| oversee(policy, clock);
+        let overseer = options.policy.clone().map(oversee).transpose();
+        let overseer = overseer.context("cannot start a thread to look at the machine")?;
+        let board = StatusBoard::new(&options, clock);
+        if let Some(overseer) = &overseer {
+            tokio::spawn(service::report(overseer.allowance()));
+            listen_to_people(overseer, &board);
+        }
         Ok(Self {
             options,
             clock,
             executor,
             loader,
             signals,
+            overseer,
+            board,
             said: None,
         })
     }
@@ -69,16 +92,26 @@ impl Client {
     /// Works until told to stop.
     pub async fn run(&mut self) -> anyhow::Result<Ended> {
         let mut backoff = Backoff::new();
+        let (_keeps_open, everything) = watch::channel(Allowance::all(self.options.slots));
+        let overseer = self.overseer.as_ref();
+        let mut allowance = overseer.map_or(everything, |overseer| overseer.allowance());
         loop {
             let attempt = tokio::select! {
                 biased;
                 signal = self.signals.next() => return Ok(Ended::Signal(signal)),
-                attempt = connect(&self.options.connect) => attempt,
+                attempt = connect_when_allowed(&self.options.connect, &mut allowance) => attempt,
             };
             match attempt {
                 Ok(stream) => {
-                    let session =
-                        Session::new(&self.options, self.clock, &self.executor, &self.loader, stream)?;
+                    let session = Session::new(
+                        &self.options,
+                        self.clock,
+                        &self.executor,
+                        &self.loader,
+                        allowance.clone(),
+                        &self.board,
+                        stream,
+                    )?;
                     let (joined, end) = session.run(&mut self.signals).await;
                     if joined {
                         self.said = None;
@@ -109,7 +142,10 @@ impl Client {
         let master = &self.options.connect;
         let complaint = match end {
             End::Signal(signal) => return Ok(Some(Ended::Signal(signal.clone()))),
-            End::Decided(Ending::Left) => return Ok(Some(Ended::Signal("a signal".to_owned()))),
+            End::Decided(Ending::Left) => {
+                tracing::info!(%master, "left the master until slots may work again");
+                return Ok(None);
+            }
             End::Decided(Ending::Shutdown) | End::Gone(_) => None,
             End::Decided(Ending::Refused(reason)) => {
                 Some(format!("the master at {master} refuses this worker: {reason}"))
@@ -162,6 +198,41 @@ fn open_cache(options: Option<CacheOptions>) -> Option<DiskCache> {
             |error| tracing::warn!(folder = %folder.display(), %error, "scenes cannot be kept on disk"),
         )
         .ok()
+}
+
+/// Starts to look at this machine, to be told by its login manager if that makes a difference.
+fn oversee(policy: Policy, clock: Clock) -> io::Result<Arc<Overseer>> {
+    let machine = Machine::new(clock);
+    if policy.when == When::Idle {
+        tokio::spawn(machine.sessions().ask());
+    }
+    Overseer::start(policy, machine, clock).map(Arc::new)
+}
+
+/// Opens the socket for orders, if the machine has a place for it. A worker works without it, too.
+fn listen_to_people(overseer: &Arc<Overseer>, board: &StatusBoard) {
+    let Some(path) = control::own_socket() else {
+        tracing::debug!("neither RUNTIME_DIRECTORY nor XDG_RUNTIME_DIR is set: no socket for orders");
+        return;
+    };
+    match ControlSocket::bind(&path) {
+        Ok(socket) => {
+            tokio::spawn(socket.serve(Arc::clone(overseer), board.clone()));
+        }
+        Err(error) => {
+            tracing::warn!("`worker status`, `pause` and `resume` cannot reach this worker: {error:#}");
+        }
+    }
+}
+
+/// Leaves the master alone while no slot may work.
+async fn connect_when_allowed(
+    master: &str,
+    allowance: &mut watch::Receiver<Allowance>,
+) -> anyhow::Result<TcpStream> {
+    let allowed = allowance.wait_for(|allowance| allowance.slots > 0).await;
+    allowed.context("the thread that looks at the machine is gone")?;
+    connect(master).await
 }
 
 async fn connect(master: &str) -> anyhow::Result<TcpStream> {

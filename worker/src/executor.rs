@@ -13,6 +13,7 @@ use protocol::{FrameId, Task};
 
 use crate::clock::Clock;
 use crate::done::{Done, DoneSender, panic_text};
+use crate::priority::Priority;
 use crate::renderer::Frame;
 use crate::state::Outcome;
 
@@ -38,7 +39,7 @@ pub struct Job {
     pub done: DoneSender,
 }
 
-/// When the tasks of a frame are to stop; may change while they run.
+/// When tasks are to stop; may change while they run.
 #[derive(Debug)]
 pub struct StopTime {
     /// Since the clock's start; the largest number stands for never.
@@ -51,22 +52,36 @@ const NEVER: u64 = u64::MAX;
 struct Shared {
     clock: Clock,
     queue: Mutex<Queue>,
-    changed: Condvar,
+    /// For slots that are awake: a job has come.
+    job_came: Condvar,
+    /// For slots that rest: one of them may be awake again.
+    roused: Condvar,
+    /// For each slot, when it must have stopped because it is to rest.
+    rests: Vec<StopTime>,
 }
 
 #[derive(Debug, Default)]
 struct Queue {
     jobs: VecDeque<Job>,
+    /// The first so many slots work, the others rest.
+    awake: usize,
     closed: bool,
 }
 
 impl Executor {
-    /// Starts the threads.
-    pub fn start(slots: u32, clock: Clock) -> io::Result<Self> {
+    /// Starts the threads, all awake.
+    pub fn start(slots: u32, priority: Priority, clock: Clock) -> io::Result<Self> {
+        let slots = slots as usize;
+        let queue = Queue {
+            awake: slots,
+            ..Queue::default()
+        };
         let shared = Shared {
             clock,
-            queue: Mutex::default(),
-            changed: Condvar::new(),
+            queue: Mutex::new(queue),
+            job_came: Condvar::new(),
+            roused: Condvar::new(),
+            rests: (0..slots).map(|_| StopTime::never()).collect(),
         };
         let mut executor = Self {
             shared: Arc::new(shared),
@@ -75,15 +90,36 @@ impl Executor {
         for slot in 0..slots {
             let shared = Arc::clone(&executor.shared);
             let thread = thread::Builder::new().name(format!("slot {slot}"));
-            executor.threads.push(thread.spawn(move || shared.work())?);
+            executor.threads.push(thread.spawn(move || {
+                priority.take();
+                shared.work(slot);
+            })?);
         }
         Ok(executor)
+    }
+
+    /// Lets only so many slots work. The others take no more tasks, and those they are at stop at
+    /// `rest_at`; jobs in the queue are left to the slots that are awake, now or later.
+    pub fn set_awake(&self, slots: u32, rest_at: Duration) {
+        let awake = slots as usize;
+        let mut queue = self.shared.lock();
+        for (slot, rest) in self.shared.rests.iter().enumerate() {
+            match (slot < awake, slot < queue.awake) {
+                (true, _) => rest.set(None),
+                (false, true) => rest.set(Some(rest_at)),
+                (false, false) => {}
+            }
+        }
+        queue.awake = awake;
+        self.shared.roused.notify_all();
+        // Who waits for a job and is to rest now must not be the one that the next job wakes.
+        self.shared.job_came.notify_all();
     }
 
     /// Puts a task at the end of the queue.
     pub fn submit(&self, job: Job) {
         self.shared.lock().jobs.push_back(job);
-        self.shared.changed.notify_one();
+        self.shared.job_came.notify_one();
     }
 
     /// Ends the slots and waits for the tasks that they are at.
@@ -99,7 +135,8 @@ impl Executor {
         let mut queue = self.shared.lock();
         queue.closed = true;
         queue.jobs.clear();
-        self.shared.changed.notify_all();
+        self.shared.job_came.notify_all();
+        self.shared.roused.notify_all();
     }
 }
 
@@ -111,26 +148,30 @@ impl Drop for Executor {
 
 impl Shared {
     /// The life of a slot.
-    fn work(&self) {
+    fn work(&self, slot: usize) {
         let _mode = FlushDenormals::in_this_thread();
-        while let Some(job) = self.next() {
-            let outcome = self.run(&job);
+        while let Some(job) = self.next(slot) {
+            let outcome = self.run(&job, &self.rests[slot]);
             // Nobody listens if the connection has ended meanwhile.
             let _ = job.done.send(Done::Task(job.id, job.task, outcome));
         }
     }
 
-    fn next(&self) -> Option<Job> {
-        let queue = self.lock();
-        let idle = |queue: &mut Queue| queue.jobs.is_empty() && !queue.closed;
-        let mut queue = self
-            .changed
-            .wait_while(queue, idle)
-            .unwrap_or_else(PoisonError::into_inner);
-        queue.jobs.pop_front()
+    /// The next job, as soon as there is one and the slot is awake.
+    fn next(&self, slot: usize) -> Option<Job> {
+        let mut queue = self.lock();
+        while !queue.closed {
+            let awake = slot < queue.awake;
+            if awake && let Some(job) = queue.jobs.pop_front() {
+                return Some(job);
+            }
+            let news = if awake { &self.job_came } else { &self.roused };
+            queue = news.wait(queue).unwrap_or_else(PoisonError::into_inner);
+        }
+        None
     }
 
-    fn run(&self, job: &Job) -> Outcome {
+    fn run(&self, job: &Job, rest: &StopTime) -> Outcome {
         let begun = self.clock.now();
         if job.stop.has_come(begun) {
             return Outcome::NotStarted;
@@ -138,7 +179,10 @@ impl Shared {
         if !job.frame.has(job.task) {
             return Outcome::Broke(format!("the frame has no task {}", job.task));
         }
-        let mut stop = || job.stop.has_come(self.clock.now());
+        let mut stop = || {
+            let now = self.clock.now();
+            job.stop.has_come(now) || rest.has_come(now)
+        };
         // A task that breaks must end neither the slot nor the worker.
         match catch_unwind(AssertUnwindSafe(|| job.frame.render(job.task, &mut stop))) {
             Ok(output) => Outcome::Rendered {
@@ -222,7 +266,7 @@ mod tests {
             let clock = Clock::start();
             let (sender, done) = mpsc::unbounded_channel();
             let (executor, stop) = (
-                Executor::start(count, clock).unwrap(),
+                Executor::start(count, Priority::Ordinary, clock).unwrap(),
                 Arc::new(StopTime::never()),
             );
             Self {
@@ -293,5 +337,32 @@ mod tests {
         assert!(matches!(slots.next(), (13, Outcome::Broke(text)) if text.contains("thirteen")));
         assert!(matches!(slots.next(), (99, Outcome::Broke(text)) if text.contains("no task")));
         assert!(matches!(slots.next(), (2, Outcome::Rendered { .. })));
+    }
+
+    #[test]
+    fn a_slot_that_is_to_rest_stops_its_task_and_takes_no_other_until_it_is_awake_again() {
+        let mut slots = Slots::new(1);
+        slots.submit(u32::MAX, 0);
+        slots.submit(5, 1);
+        thread::sleep(Duration::from_millis(20));
+        let rest_at = slots.clock.now() + Duration::from_millis(20);
+        slots.executor.set_awake(0, rest_at);
+        let (group, outcome) = slots.next();
+        assert!(slots.clock.now() >= rest_at, "stopped too early");
+        assert!(matches!(outcome, Outcome::Rendered { output, .. } if group == 0 && output.pixels > 0));
+        thread::sleep(Duration::from_millis(20));
+        assert!(slots.done.try_recv().is_err(), "the second task was begun");
+        slots.executor.set_awake(1, Duration::ZERO);
+        assert!(matches!(slots.next(), (1, Outcome::Rendered { output, .. }) if output.pixels == 5));
+    }
+
+    #[test]
+    fn jobs_reach_the_slots_that_are_awake_however_often_their_number_changes() {
+        let mut slots = Slots::new(4);
+        for round in 0..500 {
+            slots.executor.set_awake(1 + round % 4, slots.clock.now());
+            slots.submit(1, 0);
+            assert_eq!(slots.next().0, 0, "round {round}");
+        }
     }
 }

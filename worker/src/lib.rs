@@ -1,32 +1,42 @@
 //! Renders tasks for a master on the cores that are free.
 //!
-//! [`state`] decides, on one connection, what to do about each message; it is pure. Around it is the
-//! shell: [`client`] carries bytes, [`loader`] and [`executor`] make light in threads of their own,
-//! and [`done`] is the channel between the two. [`renderer`] says what the worker needs of a renderer,
-//! [`traced`] is the real one.
+//! [`state`] decides, on one connection, what to do about each message, and [`manners`] how many slots may
+//! work; both are pure. Around them is the shell: [`client`] carries bytes, [`loader`] and [`executor`]
+//! make light in threads of their own, and [`done`] is the channel between the two. [`overseer`] looks at
+//! the [`machine`], [`control`] listens to people and shows them the [`status`], [`service`] talks to systemd. [`renderer`] says what the worker needs of a renderer, [`traced`] is the real one.
 
 pub mod cli;
 pub mod options;
+pub mod settings;
 
 pub mod backoff;
+pub mod manners;
 pub mod state;
 
 pub mod client;
 pub mod clock;
+pub mod control;
 pub mod disk_cache;
+pub mod doctor;
 pub mod done;
 pub mod executor;
 pub mod exit;
 pub mod loader;
+pub mod machine;
+pub mod overseer;
+pub mod priority;
 pub mod renderer;
 pub mod scene_cache;
+pub mod service;
 pub mod signals;
+pub mod status;
 pub mod traced;
 
 use anyhow::Context as _;
 
 pub use client::Ended;
 pub use options::{Lifetime, WorkerOptions};
+pub use priority::Priority;
 pub use signals::Stop;
 
 use crate::client::Client;

@@ -10,6 +10,7 @@ use protocol::message::{Frame as FrameMessage, SceneChunk, SceneRef};
 
 use crate::disk_cache::DiskCache;
 use crate::done::{Done, DoneSender, panic_text};
+use crate::priority::Priority;
 use crate::renderer::{Frame, Renderer};
 use crate::scene_cache::SceneCache;
 
@@ -29,10 +30,16 @@ enum Job {
 }
 
 impl Loader {
-    /// Starts the thread, which keeps scenes on the given disk.
-    pub fn start(renderer: Box<dyn Renderer>, disk: Option<DiskCache>) -> io::Result<Self> {
+    /// Starts the thread, which keeps scenes on the given disk; those that build a BVH for it have its
+    /// priority.
+    pub fn start(
+        renderer: Box<dyn Renderer>,
+        disk: Option<DiskCache>,
+        priority: Priority,
+    ) -> io::Result<Self> {
         let (jobs, to_do) = mpsc::channel::<(Job, DoneSender)>();
         let work = move || {
+            priority.take();
             let mut cache = SceneCache::new(disk);
             for (job, done) in to_do {
                 // Nobody listens if the connection has ended meanwhile; the scene stays warm.

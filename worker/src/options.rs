@@ -1,6 +1,8 @@
 //! What a worker is told when it starts.
 
 use crate::disk_cache::CacheOptions;
+use crate::manners::Policy;
+use crate::priority::Priority;
 
 /// What a worker is told when it starts.
 #[derive(Clone, Debug)]
@@ -11,6 +13,12 @@ pub struct WorkerOptions {
     pub slots: u32,
     /// Name by which people know this worker.
     pub name: String,
+    /// What the owner of this machine allows; `None`: all slots, always.
+    pub policy: Option<Policy>,
+    /// How the threads that render stand in line for a core.
+    pub priority: Priority,
+    /// Bytes of memory that a scene may need.
+    pub memory_max: u64,
     /// How long to work.
     pub lifetime: Lifetime,
     /// Where to keep scenes, if anywhere.

@@ -25,6 +25,17 @@ const CHUNKS_AT_ONCE: usize = 2;
 /// How long the slots of a worker that leaves may take to stop; a chunk takes about a millisecond.
 const STOPPING_WITHIN: Duration = Duration::from_millis(60);
 
+/// How long a slot that is to rest may go on with its task. No other worker will ever do the rest of it,
+/// so a task that is done in this time is better finished.
+const FINISHING_WITHIN: Duration = Duration::from_millis(50);
+
+/// How long a worker whose slots all rest stays with its master. A program that needs all cores for a
+/// moment must not cost the frame; but tasks that wait here are of no use to anybody.
+const RESTING_WITHIN: Duration = Duration::from_secs(1);
+
+/// Memory that a scene may need for each of its bytes: as it comes, decoded, and its BVH.
+const MEMORY_PER_SCENE_BYTE: u64 = 10;
+
 /// What happened.
 #[derive(Debug)]
 pub enum Event {
@@ -46,6 +57,8 @@ pub enum Event {
     FrameFailed(FrameId, String),
     /// A slot is done with a task.
     TaskDone(FrameId, Task, Outcome),
+    /// So many slots may work from now on.
+    Slots(u32),
     /// The worker has to go.
     Leave(String),
     /// The time of [`State::poll_timeout`] has come.
@@ -87,6 +100,9 @@ pub enum Action {
     Start(FrameId, Vec<Task>),
     /// Stop the frame's tasks at this time; `None`: let them finish.
     StopAt(FrameId, Option<Duration>),
+    /// Let the first so many slots work. The others stop at this time if they are at a task, and begin
+    /// no other.
+    Awake(u32, Duration),
     /// Stop the frame's tasks now and forget the frame.
     End(FrameId),
     /// Send what is still to be sent, then close. Nothing comes after this.
@@ -96,7 +112,7 @@ pub enum Action {
 /// Why a connection ends.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// This worker had to go.
+    /// This worker had to go, or its slots had to rest.
     Left,
     /// The master has no more work.
     Shutdown,
@@ -111,9 +127,14 @@ pub enum Ending {
 /// What a worker knows on one connection.
 #[derive(Debug)]
 pub struct State {
-    slots: u32,
+    /// Slots that may work.
+    awake: u32,
+    /// When to leave, because no slot may work.
+    rest_until: Option<Duration>,
     joined: bool,
     heard_at: Duration,
+    /// Bytes that a scene may need.
+    memory_max: u64,
     /// How long the master may say nothing; `None`: as long as it likes.
     silence: Option<Duration>,
     scene: Scene,
@@ -179,9 +200,11 @@ impl State {
     /// A fresh connection: greets the master.
     pub fn new(now: Duration, hello: Hello) -> Self {
         let mut state = Self {
-            slots: hello.slots,
+            awake: hello.slots,
+            rest_until: None,
             joined: false,
             heard_at: now,
+            memory_max: u64::MAX,
             silence: Some(SILENCE),
             scene: Scene::Missing,
             incoming: None,
@@ -205,6 +228,13 @@ impl State {
         self
     }
 
+    /// Refuses scenes that may need more bytes of memory than this.
+    #[must_use]
+    pub fn with_memory_max(mut self, bytes: u64) -> Self {
+        self.memory_max = bytes;
+        self
+    }
+
     /// Takes one event.
     pub fn handle(&mut self, now: Duration, event: Event) {
         match event {
@@ -217,6 +247,7 @@ impl State {
             Event::FrameReady(frame) => self.frame_ready(now, frame),
             Event::FrameFailed(frame, message) => self.frame_failed(frame, message),
             Event::TaskDone(frame, task, outcome) => self.task_done(now, frame, task, outcome),
+            Event::Slots(slots) => self.set_slots(now, slots),
             Event::Leave(reason) => self.leave(now, reason),
             Event::Tick => self.tick(now),
         }
@@ -230,10 +261,11 @@ impl State {
 
     /// When to come back with [`Event::Tick`] if nothing else happens.
     pub fn poll_timeout(&self) -> Option<Duration> {
-        match &self.leaving {
-            Some(goodbye) => Some(goodbye.by),
-            None => self.patience().map(|patience| self.heard_at + patience),
+        if let Some(goodbye) = &self.leaving {
+            return Some(goodbye.by);
         }
+        let silent_at = self.patience().map(|patience| self.heard_at + patience);
+        [silent_at, self.rest_until].into_iter().flatten().min()
     }
 
     /// Whether the master has welcomed this worker.
@@ -250,6 +282,9 @@ impl State {
     }
 
     fn tick(&mut self, now: Duration) {
+        if self.rest_until.is_some_and(|end| now >= end) {
+            self.leave(now, "its machine is needed by others".to_owned());
+        }
         match self.patience() {
             Some(patience) if self.leaving.is_none() && now >= self.heard_at + patience => {
                 self.close(Ending::Silent(patience));
@@ -290,6 +325,17 @@ impl State {
         self.end_current_frame();
         self.next_frame = None;
         self.incoming = None;
+        let needed = scene.bytes.saturating_mul(MEMORY_PER_SCENE_BYTE);
+        if needed > self.memory_max {
+            self.scene = Scene::Failed;
+            let gigabytes = |bytes: u64| bytes as f64 / 1e9;
+            let message = format!(
+                "the scene may need {:.1} GB, of which this worker may use {:.1} GB: see `memory` in its worker.toml",
+                gigabytes(needed),
+                gigabytes(self.memory_max)
+            );
+            return self.send_failed(FailedStep::Scene, None, None, message);
+        }
         self.next_scene = Some(scene);
         self.load_next();
     }
@@ -513,8 +559,8 @@ impl State {
 
     /// Asks for as many tasks as keep every slot busy, once half of those in advance are used up.
     fn request(&mut self, now: Duration) {
-        let ahead = self.slots * self.tasks_ahead();
-        let (wanted, least) = (self.slots + ahead, (ahead / 2).max(1));
+        let ahead = self.awake * self.tasks_ahead();
+        let (wanted, least) = (self.awake + ahead, (ahead / 2).max(1));
         let Some(frame) = self.frame.as_mut() else { return };
         let stopped = frame.stop_at.is_some_and(|stop_at| now >= stop_at);
         let tasks = wanted.saturating_sub(frame.held + frame.asked);
@@ -535,6 +581,16 @@ impl State {
 
     fn note_pace(&mut self, busy: Duration) {
         self.pace = Some(self.pace.map_or(busy, |pace| (pace * 7 + busy) / 8));
+    }
+
+    fn set_slots(&mut self, now: Duration, slots: u32) {
+        self.awake = slots;
+        self.rest_until = match slots {
+            0 => self.rest_until.or(Some(now + RESTING_WITHIN)),
+            _ => None,
+        };
+        self.act(Action::Awake(slots, now + FINISHING_WITHIN));
+        self.request(now);
     }
 
     fn leave(&mut self, now: Duration, reason: String) {

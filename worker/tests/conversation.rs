@@ -12,7 +12,7 @@ use protocol::settings::Settings;
 use protocol::{FrameId, Radiance, ToMaster, ToWorker};
 use tokio::io::AsyncWriteExt as _;
 use worker::clock::Clock;
-use worker::{Ended, Lifetime, Stop, WorkerOptions};
+use worker::{Ended, Lifetime, Priority, Stop, WorkerOptions};
 
 use self::scripted::{BREAKING, Grey, Master, digest_of, direct, settings};
 
@@ -35,6 +35,9 @@ impl Running {
             connect: master.address.to_string(),
             slots,
             name: "lab-7".to_owned(),
+            policy: None,
+            priority: Priority::Ordinary,
+            memory_max: u64::MAX,
             lifetime: Lifetime::OneMaster {
                 token: Some("secret".to_owned()),
             },
@@ -269,6 +272,9 @@ async fn a_worker_inside_a_program_goes_when_that_says_so() {
         connect: master.address.to_string(),
         slots: 2,
         name: "screen saver".to_owned(),
+        policy: None,
+        priority: Priority::Ordinary,
+        memory_max: u64::MAX,
         lifetime: Lifetime::Service,
         cache: None,
         version: "0.0.9".to_owned(),

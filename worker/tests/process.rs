@@ -1,12 +1,17 @@
 //! The program itself, as a process: how it comes, how it stays, how it goes.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on should stop")]
 
+mod login_manager;
 mod scripted;
+mod service;
 
+use std::collections::HashMap;
 use std::fs;
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::{SocketAddr, TcpListener};
-use std::path::Path;
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::mpsc;
 use std::thread;
@@ -20,6 +25,7 @@ use render::intersect::TracedScene;
 use render::scene::{LoadOptions, Scene, geometry, load};
 use render::{frame::FrameRenderer, vpl};
 use serde_bytes::ByteBuf;
+use tempfile::TempDir;
 use tokio::io::AsyncWriteExt as _;
 use worker::clock::Clock;
 
@@ -37,10 +43,13 @@ impl Worker {
     }
 
     fn start_with(arguments: &[&str], variables: &[(&str, &Path)]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_worker"))
-            .args(arguments)
+        let mut command = Command::new(env!("CARGO_BIN_EXE_worker"));
+        Self::spawn(command.args(arguments).envs(variables.iter().copied()))
+    }
+
+    fn spawn(command: &mut Command) -> Self {
+        let mut child = command
             .env_remove("RUST_LOG")
-            .envs(variables.iter().copied())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
@@ -66,6 +75,8 @@ impl Worker {
             // What other tests left on disk must not matter.
             "--cache-bytes",
             "0",
+            "--priority",
+            "ordinary",
         ])
     }
 
@@ -115,6 +126,12 @@ fn output(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
+/// All that a program said.
+fn output_of(output: &Output) -> String {
+    let texts = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes));
+    texts.concat()
+}
+
 /// The scene in a file of our own.
 fn scene(file: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(file);
@@ -143,7 +160,12 @@ fn version_and_help_say_what_people_need() {
         "{version}"
     );
     let help = String::from_utf8(output(&["--help"]).stdout).unwrap();
-    for part in ["--connect <HOST:PORT>", "[default: auto]", "Exit codes"] {
+    for part in [
+        "--connect <HOST:PORT>",
+        "[default: auto]",
+        "--when <WHEN>",
+        "Exit codes",
+    ] {
         assert!(help.contains(part), "{part} is missing in:\n{help}");
     }
     assert_eq!(output(&["--connect", "nowhere"]).status.code(), Some(2));
@@ -166,7 +188,7 @@ async fn a_worker_waits_for_a_master_and_says_so_once() {
 
 #[tokio::test]
 async fn a_host_that_does_not_exist_is_named() {
-    let worker = Worker::start(&["--connect", "no-such-host.invalid:7420"]);
+    let worker = Worker::start(&["--connect", "no-such-host.invalid:7420", "--slots", "1"]);
     worker.line_with("cannot resolve no-such-host.invalid:7420");
 }
 
@@ -311,17 +333,7 @@ async fn told_to_go_in_mid_task_a_worker_sends_what_it_has_and_is_gone_within_10
 async fn leaving_in_mid_task(signal: &str) -> Duration {
     let master = Master::listen().await;
     let mut worker = Worker::connect(master.address, 2);
-    // Tasks of a minute.
-    let (width, height, groups, vpls) = (4096, 4096, 8, 256);
-    let large = protocol::settings::Settings {
-        width,
-        height,
-        groups,
-        vpls,
-        vpl_sets: 1,
-        ..settings()
-    };
-    let mut peer = in_frame(&master, &large).await;
+    let mut peer = in_frame(&master, &long_tasks()).await;
     let task = |group| Task {
         component: Component::Indirect,
         group,
@@ -346,7 +358,7 @@ async fn last_results(peer: &mut Peer, signal: &str) -> u32 {
         match peer.hear().await {
             ToMaster::Result(result) => {
                 assert!(result.task.group < 2, "the tasks in advance were not begun");
-                assert!((1..1 << 21).contains(&result.pixels), "{} pixels", result.pixels);
+                assert!((1..1 << 20).contains(&result.pixels), "{} pixels", result.pixels);
                 results += 1;
             }
             ToMaster::Leaving(leaving) => {
@@ -410,7 +422,7 @@ async fn chunks_sent(cache: &Path, scene: &[u8]) -> usize {
     let master = Master::listen().await;
     let address = master.address.to_string();
     let _worker = Worker::start_with(
-        &["--connect", &address, "--slots", "1"],
+        &["--connect", &address, "--slots", "1", "--priority", "ordinary"],
         &[("CACHE_DIRECTORY", cache)],
     );
     let (mut peer, _) = master.join().await;
@@ -458,7 +470,7 @@ async fn refused(data: &[u8]) -> String {
     let master = Master::listen().await;
     let address = master.address.to_string();
     let worker = Worker::start_with(
-        &["--connect", &address, "--slots", "1"],
+        &["--connect", &address, "--slots", "1", "--priority", "ordinary"],
         &[("CACHE_DIRECTORY", cache.path())],
     );
     let (mut peer, _) = master.join().await;
@@ -510,4 +522,199 @@ async fn a_scene_whose_name_would_lead_out_of_the_cache_is_refused() {
     stream.write_all(&encode(&welcome).unwrap()).await.unwrap();
     stream.write_all(&prepare).await.unwrap();
     worker.line_with("not a message of this protocol");
+}
+
+/// A worker with a socket for orders in a folder of its own.
+struct Controlled {
+    worker: Worker,
+    folder: TempDir,
+}
+
+impl Controlled {
+    fn connect(address: SocketAddr) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let arguments = ["--slots", "2", "--priority", "ordinary", "--connect"];
+        let mut command = Command::new(env!("CARGO_BIN_EXE_worker"));
+        let command = command.args(arguments).arg(address.to_string());
+        let worker = Worker::spawn(command.env("RUNTIME_DIRECTORY", folder.path()));
+        Self { worker, folder }
+    }
+
+    fn socket(&self) -> PathBuf {
+        self.folder.path().join("control.sock")
+    }
+
+    /// Runs `worker` with this order.
+    fn order(&self, arguments: &[&str]) -> Output {
+        let socket = self.socket();
+        output(&[arguments, &["--socket", socket.to_str().unwrap()]].concat())
+    }
+
+    fn status(&self) -> serde_json::Value {
+        serde_json::from_slice(&self.order(&["status", "--json"]).stdout).unwrap()
+    }
+}
+
+/// Tasks of a minute.
+fn long_tasks() -> protocol::settings::Settings {
+    protocol::settings::Settings {
+        width: 2048,
+        height: 2048,
+        groups: 4,
+        vpls: 1024,
+        vpl_sets: 1,
+        ..settings()
+    }
+}
+
+#[tokio::test]
+async fn a_paused_worker_sends_what_it_has_leaves_and_is_back_when_it_may() {
+    let master = Master::listen().await;
+    let controlled = Controlled::connect(master.address);
+    let mut peer = in_frame(&master, &long_tasks()).await;
+    let task = |group| Task {
+        component: Component::Indirect,
+        group,
+        index: 0,
+    };
+    peer.assign((0..4).map(task).collect(), None).await;
+    tokio::time::sleep(Duration::from_millis(300)).await;
+
+    let paused = controlled.order(&["pause", "1h"]);
+    assert!(paused.status.success());
+    let text = output_of(&paused);
+    assert!(text.contains("0 of 2: paused for"), "{text}");
+    for _ in 0..2 {
+        let result = peer.result().await;
+        assert!((1..1 << 20).contains(&result.pixels), "{} pixels", result.pixels);
+    }
+    let leaving = peer.leaving().await;
+    assert!(leaving.reason.contains("needed by others"), "{}", leaving.reason);
+    assert!(peer.is_closed().await);
+    drop(peer);
+    while controlled.status()["connected"] == true {
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    let status = controlled.status();
+    assert_eq!(status["slots"], 0);
+    assert_eq!(status["results"], 2);
+    assert!(status["paused_s"].as_u64().unwrap() > 3500, "{status}");
+
+    assert!(controlled.order(&["resume"]).status.success());
+    let (_peer, _) = master.join().await;
+    assert_eq!(controlled.status()["slots"], 2);
+}
+
+#[tokio::test]
+async fn orders_that_make_no_sense_are_refused_and_disturb_nothing() {
+    let master = Master::listen().await;
+    let controlled = Controlled::connect(master.address);
+    let (_peer, _) = master.join().await;
+    for nonsense in [
+        "hello\n".to_owned(),
+        "{\"pause\":{\"seconds\":-1}}\n".to_owned(),
+        "x".repeat(1 << 20),
+    ] {
+        let mut stream = UnixStream::connect(controlled.socket()).unwrap();
+        // It may stop reading before all is written.
+        let _ = stream.write_all(nonsense.as_bytes());
+        let mut answer = String::new();
+        let _ = BufReader::new(stream).read_line(&mut answer);
+        assert!(!answer.contains("status"), "{answer}");
+    }
+    assert_eq!(controlled.status()["connected"], true);
+}
+
+#[tokio::test]
+async fn anyone_at_the_machine_may_pause_its_worker_and_a_worker_that_ends_leaves_no_socket() {
+    let master = Master::listen().await;
+    let mut controlled = Controlled::connect(master.address);
+    let (_peer, _) = master.join().await;
+    let mode = fs::metadata(controlled.socket()).unwrap().permissions().mode();
+    assert_eq!(mode & 0o777, 0o666);
+    controlled.worker.ends_after("TERM");
+    assert!(!controlled.socket().exists());
+    let nobody = controlled.order(&["status"]);
+    assert_eq!(nobody.status.code(), Some(1));
+    let error = output_of(&nobody);
+    assert!(error.contains("no worker listens at"), "{error}");
+}
+
+/// The findings of `worker doctor` with these flags, by what they are about, and its exit code.
+fn examined(arguments: &[&str]) -> (HashMap<String, serde_json::Value>, Option<i32>) {
+    let output = output(&[&["doctor", "--json"], arguments].concat());
+    let findings: Vec<serde_json::Value> = serde_json::from_slice(&output.stdout).unwrap();
+    let what = |finding: &serde_json::Value| finding["what"].as_str().unwrap().to_owned();
+    let by_name = findings.into_iter().map(|finding| (what(&finding), finding));
+    (by_name.collect(), output.status.code())
+}
+
+#[tokio::test]
+async fn the_doctor_joins_the_master_and_finds_nothing_wrong() {
+    let master = Master::listen().await;
+    let address = master.address.to_string();
+    let examination = thread::spawn(move || examined(&["--connect", &address]));
+    let (_peer, hello) = master.join().await;
+    assert!(hello.name.starts_with("doctor of "), "{}", hello.name);
+    let (findings, code) = examination.join().unwrap();
+    assert_eq!(code, Some(0), "{findings:?}");
+    let found = |what: &str| findings[what]["found"].as_str().unwrap();
+    assert!(found("versions").contains("master 0.1.0"), "{findings:?}");
+    assert!(found("tracing").contains("Embree 4."), "{findings:?}");
+    for what in [
+        "master", "priority", "load", "presence", "memory", "cache", "clock",
+    ] {
+        assert!(findings.contains_key(what), "{what}: {findings:?}");
+    }
+}
+
+#[tokio::test]
+async fn the_doctor_names_what_fails_and_what_to_do() {
+    let remedy = |findings: &HashMap<String, serde_json::Value>, what: &str| {
+        let finding = &findings[what];
+        format!("{} {}", finding["health"], finding["remedy"])
+    };
+    let (findings, code) = examined(&[]);
+    assert_eq!(code, Some(1));
+    assert!(remedy(&findings, "master").contains("--connect"), "{findings:?}");
+    let (findings, code) = examined(&["--connect", "no-such-host.invalid:7420"]);
+    assert_eq!(code, Some(1));
+    assert!(
+        remedy(&findings, "master").contains("correct the name"),
+        "{findings:?}"
+    );
+    // That no master is there now is no fault of the worker.
+    let (findings, code) = examined(&["--connect", &closed_port().to_string()]);
+    assert_eq!(code, Some(0));
+    assert!(
+        remedy(&findings, "master").contains("start a master"),
+        "{findings:?}"
+    );
+
+    let master = Master::listen().await;
+    let address = master.address.to_string();
+    let examination = thread::spawn(move || examined(&["--connect", &address]));
+    let mut peer = master.accept().await;
+    peer.hello().await;
+    let reason = "the master is version 0.2.0".to_owned();
+    peer.say(ToWorker::Refused(Refused { reason })).await;
+    let (findings, code) = examination.join().unwrap();
+    assert_eq!(code, Some(1));
+    assert!(
+        remedy(&findings, "versions").contains("same version"),
+        "{findings:?}"
+    );
+}
+
+#[test]
+fn a_configuration_that_is_wrong_ends_the_worker_with_its_line() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    fs::write(&file, "connect = 'lab-1:7420'\nwen = 'idle'\n").unwrap();
+    let refused = output(&["--config", file.path().to_str().unwrap()]);
+    assert_eq!(refused.status.code(), Some(1));
+    let error = output_of(&refused);
+    assert!(
+        error.contains(":2: unknown key `wen`; did you mean `when`?"),
+        "{error}"
+    );
 }

@@ -9,18 +9,20 @@ use protocol::connection::{ReadError, Reader, Writer};
 use protocol::message::Hello;
 use protocol::{FrameId, Task, ToMaster, ToWorker, limits, version};
 use tokio::net::TcpStream;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::time::{sleep, timeout};
 
 use crate::clock::Clock;
 use crate::done::{Done, DoneReceiver, DoneSender};
 use crate::executor::{Executor, Job, StopTime};
 use crate::loader::Loader;
+use crate::manners::Allowance;
 use crate::options::{Lifetime, WorkerOptions};
 use crate::renderer::Frame;
 use crate::scene_cache::Found;
 use crate::signals::Signals;
 use crate::state::{Action, Ending, Event, State};
+use crate::status::StatusBoard;
 
 /// A master that does not read is not listened to while so much waits for it.
 const QUEUED_BYTES: usize = 2 * limits::ENVELOPE_BYTES as usize;
@@ -60,6 +62,8 @@ pub(super) struct Session<'a> {
     clock: Clock,
     executor: &'a Executor,
     loader: &'a Loader,
+    allowance: watch::Receiver<Allowance>,
+    board: &'a StatusBoard,
     state: State,
     reader: Reader<ToWorker>,
     writer: Writer<ToMaster>,
@@ -82,20 +86,25 @@ impl<'a> Session<'a> {
         clock: Clock,
         executor: &'a Executor,
         loader: &'a Loader,
+        mut allowance: watch::Receiver<Allowance>,
+        board: &'a StatusBoard,
         stream: TcpStream,
     ) -> anyhow::Result<Self> {
         let (reader, writer) = protocol::connection::open(stream).context("cannot use the connection")?;
         let (done, dones) = mpsc::unbounded_channel();
-        let state = State::new(clock.now(), hello(options));
-        let state = if options.lifetime == Lifetime::Service {
+        let state = State::new(clock.now(), hello(options)).with_memory_max(options.memory_max);
+        let mut state = if options.lifetime == Lifetime::Service {
             state
         } else {
             state.patient()
         };
+        state.handle(clock.now(), Event::Slots(allowance.borrow_and_update().slots));
         Ok(Self {
             clock,
             executor,
             loader,
+            allowance,
+            board,
             state,
             reader,
             writer,
@@ -109,6 +118,7 @@ impl<'a> Session<'a> {
     /// Works until the connection ends; says whether the master had welcomed this worker.
     pub(super) async fn run(mut self, signals: &mut Signals) -> (bool, End) {
         let end = self.conversation(signals).await;
+        self.board.set_connected(false);
         // Whatever the slots are at is of no more use to anyone.
         self.end_frame();
         (self.state.has_joined(), end)
@@ -127,6 +137,7 @@ impl<'a> Session<'a> {
             self.state.handle(self.clock.now(), event);
             if self.state.has_joined() {
                 self.reader.handshake_done();
+                self.board.set_connected(true);
             }
         }
     }
@@ -143,6 +154,9 @@ impl<'a> Session<'a> {
                 signal = signals.next(), if self.signal.is_none() => {
                     self.signal = Some(signal.clone());
                     return Ok(Event::Leave(signal));
+                }
+                Ok(()) = self.allowance.changed() => {
+                    return Ok(Event::Slots(self.allowance.borrow_and_update().slots));
                 }
                 written = self.writer.flush(), if !self.writer.is_empty() => {
                     written.map_err(|error| End::Gone(error.to_string()))?;
@@ -182,6 +196,9 @@ impl<'a> Session<'a> {
         while let Some(action) = self.state.poll_action() {
             match action {
                 Action::Send(message) => {
+                    if let ToMaster::Result(result) = &message {
+                        self.board.count_result(result.pixels);
+                    }
                     if let Err(error) = self.writer.push(&message) {
                         return Some(End::Unsendable(error.to_string()));
                     }
@@ -196,6 +213,7 @@ impl<'a> Session<'a> {
                         current.stop.set(stop_at);
                     }
                 }
+                Action::Awake(slots, rest_at) => self.executor.set_awake(slots, rest_at),
                 Action::End(id) => {
                     if self.current(id).is_some() {
                         self.end_frame();

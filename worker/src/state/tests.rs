@@ -612,3 +612,78 @@ fn a_master_that_breaks_the_rules_is_left() {
     assert!(violation(joined(1), welcome()).contains("`welcome`"));
     assert!(violation(in_frame(1, 1), assign(1, 0..3, None)).contains("3 tasks were assigned, only 2"));
 }
+
+#[test]
+fn with_fewer_slots_fewer_tasks_are_asked_for_and_with_more_again_more() {
+    let mut state = in_frame(4, 1);
+    on(&mut state, ms(0), assign(1, 0..8, None));
+    let fewer = on(&mut state, ms(10), Event::Slots(1));
+    assert_eq!(fewer, [Action::Awake(1, ms(10) + FINISHING_WITHIN)]);
+    for group in 0..6 {
+        let done = on(&mut state, ms(20), rendered(1, group, ms(20)));
+        assert!(
+            matches!(done[..], [Action::Send(ToMaster::Result(_))]),
+            "{done:?}"
+        );
+    }
+    let done = on(&mut state, ms(40), rendered(1, 6, ms(20)));
+    assert_eq!(done[1..], [request(1, 1)], "one is done, one waits");
+    let more = on(&mut state, ms(50), Event::Slots(4));
+    assert_eq!(more, [Action::Awake(4, ms(50) + FINISHING_WITHIN), request(1, 6)]);
+}
+
+#[test]
+fn a_worker_whose_slots_all_rest_sends_what_they_have_and_leaves_after_a_while() {
+    let mut state = in_frame(1, 1);
+    on(&mut state, ms(0), assign(1, 0..2, None));
+    assert_eq!(
+        on(&mut state, ms(10), Event::Slots(0)),
+        [Action::Awake(0, ms(10) + FINISHING_WITHIN)]
+    );
+    let prefix = on(&mut state, ms(60), rendered(1, 0, ms(60)));
+    assert!(
+        matches!(prefix[..], [Action::Send(ToMaster::Result(_))]),
+        "nothing more is asked for"
+    );
+    let end = ms(10) + RESTING_WITHIN;
+    assert_eq!(state.poll_timeout(), Some(end));
+    // The task that waits for a slot never begins.
+    assert_eq!(on(&mut state, end, Event::Tick), [stop(1, end)]);
+    let gone = on(&mut state, end + STOPPING_WITHIN, Event::Tick);
+    assert!(
+        matches!(&gone[..], [Action::Send(ToMaster::Leaving(leaving)), Action::Close(Ending::Left)]
+            if leaving.reason.contains("needed by others")),
+        "{gone:?}"
+    );
+}
+
+#[test]
+fn slots_that_rest_for_a_moment_only_do_not_cost_the_frame() {
+    let mut state = in_frame(1, 1);
+    on(&mut state, ms(0), Event::Slots(0));
+    let awake = on(&mut state, ms(900), Event::Slots(1));
+    assert_eq!(awake, [Action::Awake(1, ms(900) + FINISHING_WITHIN)]);
+    assert_eq!(on(&mut state, ms(1100), Event::Tick), []);
+    assert_eq!(state.poll_timeout(), Some(ms(0) + SILENCE));
+}
+
+#[test]
+fn a_scene_that_is_too_large_for_the_memory_is_refused_before_it_comes() {
+    let mut state = joined(1).with_memory_max(10 * MEMORY_PER_SCENE_BYTE - 1);
+    let refusal = on(&mut state, ms(1), prepare("a"));
+    assert!(
+        matches!(&refusal[..], [Action::Send(ToMaster::Failed(failed))]
+            if failed.what == FailedStep::Scene && failed.message.contains("`memory`")),
+        "{refusal:?}"
+    );
+    let frame = on(&mut state, ms(2), begin(1));
+    assert_eq!(
+        frame,
+        [failed(FailedStep::Frame, Some(1), None, "its scene failed")]
+    );
+    let mut state = joined(1).with_memory_max(10 * MEMORY_PER_SCENE_BYTE);
+    assert_eq!(
+        on(&mut state, ms(1), prepare("a")),
+        [Action::FindScene(scene("a"))]
+    );
+}

@@ -179,6 +179,17 @@ impl Peer {
         }
     }
 
+    /// The worker's last word; results before it are skipped.
+    pub(crate) async fn leaving(&mut self) -> Leaving {
+        loop {
+            match self.hear().await {
+                ToMaster::Leaving(leaving) => return leaving,
+                ToMaster::Result(_) | ToMaster::Request(_) => {}
+                other => panic!("not a farewell: {other:?}"),
+            }
+        }
+    }
+
     /// Names a scene, which the worker gets when it wants it.
     pub(crate) async fn prepare(&mut self, scene: &[u8]) {
         self.scene = scene.to_vec();
