@@ -22,7 +22,8 @@ const WORK: &str = "--paper --size 128x96 --vpls 64 --vpl-sets 4 --spp 4 --local
 
 /// A frame that waits for workers.
 fn start(flags: &str) -> Running {
-    Master::new(&format!("{WORK} {flags}")).start()
+    // The same bits whoever renders, with a deadline or without.
+    Master::new(&format!("--pixels exact {WORK} {flags}")).start()
 }
 
 /// Lets an honest worker do the work, which must then be there: complete, in time, and the same bits
