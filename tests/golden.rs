@@ -77,8 +77,14 @@ fn pixel_hash_of_light(picture: &Finished) -> String {
 /// With Kd = Le = 0.5 everywhere radiance is 1: emitted 0.5, direct 0.25, indirect 0.25.
 #[test]
 fn the_furnace_has_radiance_one() {
-    let flags = "--no-deadline --size 64x64 --spp 256 --vpls 8192 --vpl-sets 32 --clamp none";
-    let picture = Master::new(flags).scene(scene("furnace")).deliver();
+    assert_radiance_one("--spp 256");
+    assert_radiance_one("--algorithm component --spp 256 --vpls 8192 --vpl-sets 32");
+}
+
+#[track_caller]
+fn assert_radiance_one(flags: &str) {
+    let flags = format!("--no-deadline --size 64x64 --clamp none {flags}");
+    let picture = Master::new(&flags).scene(scene("furnace")).deliver();
     assert_finite(picture.exr());
     let pixels = picture.pixels();
     for channel in ["R", "G", "B"] {

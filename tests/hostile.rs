@@ -217,6 +217,7 @@ fn a_result_for_a_task_that_it_never_had_is_refused() {
             component: Component::Indirect,
             group: 63,
             index: 3,
+            passes: 1,
         };
         assert!(!frame.tasks.contains(&task));
         say(frame.result(task, frame.pixels_per_task(), 9.0))(peer, frame);
@@ -230,6 +231,7 @@ fn a_result_for_a_task_that_does_not_exist_is_refused() {
             component: Component::Direct,
             group: 1000,
             index: 0,
+            passes: 1,
         };
         say(frame.result(task, frame.pixels_per_task(), 9.0))(peer, frame);
     });

@@ -79,6 +79,7 @@ impl Differences {
 /// The workload of both sides.
 #[derive(Debug, Clone, Copy)]
 struct Effort {
+    algorithm: &'static str,
     size: &'static str,
     light_samples: u32,
     vpls: u32,
@@ -88,6 +89,7 @@ struct Effort {
 /// Renders both and prints a row of the table.
 fn compare(name: &str, effort: Effort) -> Differences {
     let Effort {
+        algorithm,
         size,
         light_samples,
         vpls,
@@ -99,9 +101,15 @@ fn compare(name: &str, effort: Effort) -> Differences {
         assert_finite(picture.exr());
         (picture.pixels(), picture.number("/seconds/tracing"))
     };
-    let flags = format!("--clamp none --vpls {vpls} --vpl-sets 64 --spp {light_samples}");
+    // The progressive algorithm takes one set in each pass.
+    let sets = match algorithm {
+        "progressive" => vpls / 16,
+        _ => 64,
+    };
+    let sides = format!("--algorithm {algorithm}");
+    let flags = format!("{sides} --clamp none --vpls {vpls} --vpl-sets {sets} --spp {light_samples}");
     let (by_vpls, vpls_s) = render(flags);
-    let (by_paths, paths_s) = render(format!("--integrator path --spp {paths}"));
+    let (by_paths, paths_s) = render(format!("{sides} --integrator path --spp {paths}"));
     let differences = Differences::of(&by_vpls, &by_paths);
     let effort = format!("| {name} | {size} | {vpls} | {light_samples} | {paths} |");
     let [mean, share, quantile] = [
@@ -117,6 +125,21 @@ fn compare(name: &str, effort: Effort) -> Differences {
 #[test]
 fn the_light_of_the_cornell_box_is_right() {
     let effort = Effort {
+        algorithm: "component",
+        size: "128x128",
+        light_samples: 512,
+        vpls: 16_384,
+        paths: 512,
+    };
+    let differences = compare("cornell-box", effort);
+    assert!(differences.are_within(AIM), "{differences:?}");
+}
+
+/// Antialiased on both sides.
+#[test]
+fn the_light_of_the_progressive_algorithm_is_right() {
+    let effort = Effort {
+        algorithm: "progressive",
         size: "128x128",
         light_samples: 512,
         vpls: 16_384,
@@ -129,6 +152,7 @@ fn the_light_of_the_cornell_box_is_right() {
 #[test]
 fn the_light_of_the_nave_is_right() {
     let effort = Effort {
+        algorithm: "component",
         size: "128x128",
         light_samples: 256,
         vpls: 16_384,
@@ -156,6 +180,7 @@ fn the_light_is_right_at_full_size() {
     let paths = paths.parse().expect("a number of paths");
     let measured = [("cornell-box", "512x512"), ("nave", "1024x768")].map(|(name, size)| {
         let effort = Effort {
+            algorithm: "component",
             size,
             light_samples: 1024,
             vpls: 16_384,
@@ -172,7 +197,7 @@ fn the_light_is_right_at_full_size() {
 #[test]
 fn a_wrong_light_does_not_agree() {
     let render = |flags: &str| {
-        let flags = format!("--no-deadline --no-png --size 64x64 {flags}");
+        let flags = format!("--algorithm component --no-deadline --no-png --size 64x64 {flags}");
         Master::new(&flags).deliver().pixels()
     };
     let right = render("");

@@ -142,7 +142,7 @@ fn either_file_alone_is_made_when_asked() {
 #[test]
 fn without_reconstruction_what_is_missing_is_black() {
     // Far too much work for the time.
-    let flags = "--deadline 1.5 --vpls 16384 --vpl-sets 64 --reconstruction none";
+    let flags = "--algorithm component --deadline 1.5 --vpls 16384 --vpl-sets 64 --reconstruction none";
     let picture = Master::new(flags).deliver();
     assert_finite(picture.exr());
     let pixels = picture.pixels();
@@ -156,7 +156,7 @@ fn without_reconstruction_what_is_missing_is_black() {
 
 #[test]
 fn a_picture_with_fewer_pixels_than_groups_is_whole() {
-    for algorithm in ["component", "straightforward"] {
+    for algorithm in ["component", "straightforward", "progressive"] {
         for size in ["1x1", "5x3"] {
             let flags = format!("--paper --no-deadline --size {size} --algorithm {algorithm}");
             let picture = Master::new(&flags).deliver();

@@ -122,7 +122,7 @@ pub struct RenderArgs {
     )]
     pub exposure: f32,
 
-    /// How the work is divided into tasks [default: component]
+    /// How the work is divided into tasks [default: progressive; with --paper component]
     #[arg(long, value_name = "NAME", help_heading = "Work")]
     pub algorithm: Option<AlgorithmName>,
 
@@ -131,19 +131,22 @@ pub struct RenderArgs {
     #[arg(long, conflicts_with = "integrator", help_heading = "Work")]
     pub paper: bool,
 
-    /// Pixel groups; a task covers one [default: 64; straightforward: 2048]
+    /// Pixel groups; a task covers one [default: 16; component: 64; straightforward: 2048]
     #[arg(long, value_name = "COUNT", help_heading = "Work")]
     pub groups: Option<u32>,
 
-    /// Light samples per pixel: passes of direct light [default: 16; --integrator path: 256 paths]
+    /// Light samples per pixel: passes of direct light [default: 16; --integrator path: 256 paths].
+    /// Progressive: passes of direct and of indirect light after which the work is done [default: without
+    /// end; with --no-deadline 64]
     #[arg(long, value_name = "COUNT", help_heading = "Work")]
     pub spp: Option<u32>,
 
-    /// Virtual point lights in all sets together [default: 256]
+    /// Virtual point lights in all sets together [default: 256; progressive: 16 in each set]
     #[arg(long, value_name = "COUNT", help_heading = "Work")]
     pub vpls: Option<u32>,
 
-    /// Sets into which the virtual point lights are divided [default: 16]
+    /// Sets into which the virtual point lights are divided [default: 16; progressive: the longer the
+    /// deadline the more, up to 4096]
     #[arg(long, value_name = "COUNT", help_heading = "Work")]
     pub vpl_sets: Option<u32>,
 
@@ -215,6 +218,8 @@ pub struct RenderArgs {
 /// See [`render::settings::Algorithm`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum AlgorithmName {
+    /// Passes of antialiased direct and indirect light that go on until the deadline
+    Progressive,
     /// Direct and indirect light are tasks of their own (section 3.2 of the paper)
     Component,
     /// A task is all light of its pixels (section 3.1)

@@ -22,7 +22,7 @@ use crate::{
     deadline::Ledger,
     frame_time::FrameTime,
     job::Job,
-    plan::TaskQueues,
+    plan::{Noise, TaskQueues},
     prepare::Traceable,
     roster::Roster,
     scene_bytes::SceneBytes,
@@ -181,6 +181,15 @@ impl Frame {
         encoded(self.roster.ping_all(now));
     }
 
+    /// Looks how noisy what has come so far is, which decides what is traced next.
+    pub fn estimate_noise(&mut self) {
+        let buffers = self.tracing.as_ref().and_then(|tracing| tracing.buffers.as_ref());
+        if let Some(buffers) = buffers {
+            let [direct, indirect] = buffers.relative_variances();
+            self.handle(Event::Noise(Noise { direct, indirect }), None);
+        }
+    }
+
     /// A signal ends the tracing: what workers have done so far is collected.
     pub fn interrupt(&mut self) {
         self.interrupted = true;
@@ -292,8 +301,13 @@ impl Frame {
                 tracing::warn!(%worker, what = ?failed.what, reason = failed.message, "a worker failed");
                 if let Some(task) = failed.task {
                     let task = wire::task_from_wire(task);
-                    let extent = Extent::Nothing;
-                    self.handle(Event::Completed { worker, task, extent }, None);
+                    let failed = Event::Completed {
+                        worker,
+                        task,
+                        extent: Extent::Nothing,
+                        busy: Duration::ZERO,
+                    };
+                    self.handle(failed, None);
                 }
             }
             ToMaster::Pong(pong) => {
@@ -392,7 +406,13 @@ impl Frame {
         let Some(extent) = extent(&tracing.groups, task, result.pixels) else {
             return self.deferred.push_back(Event::Unusable { worker, task });
         };
-        self.handle(Event::Completed { worker, task, extent }, Some(result));
+        let completed = Event::Completed {
+            worker,
+            task,
+            extent,
+            busy: Duration::from_micros(result.busy_us),
+        };
+        self.handle(completed, Some(result));
         self.measure(worker, result);
     }
 
@@ -491,7 +511,7 @@ impl Frame {
         tracing.busy += busy;
         tracing.last_result = Some(now);
         if let Some(report) = self.roster.report(worker) {
-            report.tasks += 1;
+            report.tasks += task.passes;
             report.rays = report
                 .rays
                 .saturating_add(rays.primary)

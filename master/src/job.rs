@@ -26,6 +26,14 @@ const PAPER_SIZE: ImageSize = ImageSize {
 const PATHS_DEFAULT: u32 = 256;
 /// A VPL nearer than this share of the scene's extent counts as if it were this far away.
 const CLAMP_DISTANCE_SHARE: f32 = 0.05;
+/// VPLs in a set of the progressive algorithm.
+const VPLS_PER_SET: u32 = 16;
+/// VPL sets of the progressive algorithm for each second of the deadline: a pixel meets a few dozens of
+/// them in this time, and 16 groups meet different ones.
+const SETS_PER_SECOND: f64 = 512.0;
+/// Fewest VPL sets of the progressive algorithm.
+const SETS_MIN: u32 = 256;
+
 /// See [`RenderArgs::min_set_percent`].
 const MIN_SET_PERCENT_DEFAULT: f32 = 25.0;
 
@@ -74,6 +82,7 @@ struct Workload {
     spp: Option<u32>,
     vpls: Option<u32>,
     vpl_sets: Option<u32>,
+    deadline: Option<Duration>,
     seed: u64,
     clamp: Clamp,
     light_points: LightPoints,
@@ -141,6 +150,11 @@ impl Job {
         self.workload.settings(size, None)
     }
 
+    /// Whether the picture shows pixels as a whole instead of their centres.
+    pub fn is_antialiased(&self) -> bool {
+        self.workload.algorithm == Algorithm::Progressive
+    }
+
     /// Paths for each pixel of the reference.
     pub fn paths(&self) -> u32 {
         self.workload.spp.unwrap_or(PATHS_DEFAULT)
@@ -162,7 +176,9 @@ impl Workload {
     fn new(args: &RenderArgs) -> Self {
         Self {
             algorithm: match args.algorithm {
-                None | Some(AlgorithmName::Component) => Algorithm::Component,
+                None if args.paper => Algorithm::Component,
+                None | Some(AlgorithmName::Progressive) => Algorithm::Progressive,
+                Some(AlgorithmName::Component) => Algorithm::Component,
                 Some(AlgorithmName::Straightforward) => Algorithm::Straightforward,
             },
             size: args.size.or(args.paper.then_some(PAPER_SIZE)),
@@ -170,6 +186,7 @@ impl Workload {
             spp: args.spp,
             vpls: args.vpls,
             vpl_sets: args.vpl_sets,
+            deadline: (!args.no_deadline).then_some(args.deadline),
             seed: args.seed.unwrap_or(0),
             clamp: args.clamp.unwrap_or(Clamp::Auto),
             light_points: if args.paper {
@@ -182,12 +199,15 @@ impl Workload {
 
     /// `extent`: size of the scene in scene units, once it is known.
     fn settings(&self, size: ImageSize, extent: Option<f32>) -> Settings {
-        let paper = Settings::paper(self.algorithm, size);
+        let base = match self.algorithm {
+            Algorithm::Progressive => self.progressive(size),
+            algorithm => Settings::paper(algorithm, size),
+        };
         Settings {
-            groups: self.groups.unwrap_or(paper.groups),
-            spp: self.spp.unwrap_or(paper.spp),
-            vpls: self.vpls.unwrap_or(paper.vpls),
-            vpl_sets: self.vpl_sets.unwrap_or(paper.vpl_sets),
+            groups: self.groups.unwrap_or(base.groups),
+            spp: self.spp.unwrap_or(base.spp),
+            vpls: self.vpls.unwrap_or(base.vpls),
+            vpl_sets: self.vpl_sets.unwrap_or(base.vpl_sets),
             seed: self.seed,
             geometry_clamp: match (self.clamp, extent) {
                 (Clamp::Bound(bound), _) => Some(bound),
@@ -195,7 +215,37 @@ impl Workload {
                 (Clamp::None, _) | (Clamp::Auto, None) => None,
             },
             light_points: self.light_points,
-            ..paper
+            ..base
+        }
+    }
+
+    /// Without end while there is a deadline, and with as many VPLs as may be met.
+    fn progressive(&self, size: ImageSize) -> Settings {
+        let base = Settings::progressive(size);
+        let sets_min = if self.vpls.is_some() { 1 } else { SETS_MIN };
+        let sets = match (self.vpl_sets, self.vpls, self.deadline) {
+            (Some(sets), ..) => sets,
+            (None, Some(vpls), _) => vpls / VPLS_PER_SET,
+            (None, None, Some(deadline)) => {
+                ((SETS_PER_SECOND * deadline.as_secs_f64()) as u32).next_power_of_two()
+            }
+            (None, None, None) => {
+                let spp = self.spp.unwrap_or(base.spp);
+                base.groups
+                    .saturating_mul(spp)
+                    .checked_next_power_of_two()
+                    .unwrap_or(u32::MAX)
+            }
+        };
+        let vpl_sets = sets.clamp(sets_min, Settings::VPL_SETS_MAX);
+        Settings {
+            spp: match self.deadline {
+                Some(_) => Settings::SPP_MAX,
+                None => base.spp,
+            },
+            vpls: VPLS_PER_SET * self.vpl_sets.unwrap_or(vpl_sets).clamp(1, Settings::VPL_SETS_MAX),
+            vpl_sets,
+            ..base
         }
     }
 }
@@ -249,6 +299,20 @@ mod tests {
     }
 
     #[test]
+    fn passes_and_vpls_are_as_many_as_the_time_may_need() {
+        let workload = |flags: &str| {
+            let settings = settings(flags);
+            (settings.spp, settings.vpls, settings.vpl_sets)
+        };
+        assert_eq!(workload("--deadline 2"), (Settings::SPP_MAX, 16 * 1024, 1024));
+        assert_eq!(workload("--deadline 0.2"), (Settings::SPP_MAX, 16 * 256, 256));
+        assert_eq!(workload("--deadline 9999"), (Settings::SPP_MAX, 16 * 4096, 4096));
+        assert_eq!(workload("--no-deadline --spp 32"), (32, 16 * 512, 512));
+        assert_eq!(workload("--deadline 2 --vpls 64"), (Settings::SPP_MAX, 64, 4));
+        assert_eq!(workload("--deadline 2 --vpl-sets 3"), (Settings::SPP_MAX, 48, 3));
+    }
+
+    #[test]
     fn flags_override_single_values_of_the_paper_and_are_named() {
         let flags = "--paper --vpls 64 --spp 4 --seed 7";
         assert_eq!(job(flags).unwrap().overrides, ["--spp", "--vpls"]);
@@ -275,7 +339,7 @@ mod tests {
             "--vpls 0",
             "--groups 0",
             "--vpl-sets 0",
-            "--vpl-sets 15",
+            "--vpls 256 --vpl-sets 15",
             "--groups 1 --size 2048x2048",
         ] {
             let failure = job(flags).unwrap_err();

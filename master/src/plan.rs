@@ -1,19 +1,55 @@
-//! The order in which tasks are handed out: section 3.2.3 of the paper.
+//! The order in which tasks are handed out: section 3.2.3 of the paper, or passes without end.
 
-use std::collections::VecDeque;
+mod passes;
+
+use std::{
+    collections::{BTreeMap, VecDeque},
+    time::Duration,
+};
 
 use render::{
     settings::{Algorithm, Settings},
     task::{Component, Task},
 };
 
-/// All tasks of a frame that have not been handed out, in one queue per component.
-///
-/// The queues are served in turn, one task each; when one is empty the other goes on.
+use passes::Passes;
+
+/// All tasks of a frame that have not been handed out.
 #[derive(Debug, Clone)]
 pub struct TaskQueues {
-    queues: Vec<VecDeque<Task>>,
-    turn: usize,
+    order: Order,
+}
+
+/// In which order they are handed out.
+#[derive(Debug, Clone)]
+enum Order {
+    /// One queue per component. They are served in turn, one task each; when one is empty the other goes
+    /// on.
+    InTurn {
+        queues: Vec<VecDeque<Task>>,
+        turn: usize,
+    },
+    /// The progressive algorithm.
+    Passes(Passes),
+}
+
+/// What lies ahead, as far as it is known.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Outlook {
+    /// Time until the cut-off.
+    pub left: Option<Duration>,
+    /// Slots that are there.
+    pub slots: u32,
+}
+
+/// How noisy one pass of each component is: squared error in shares of the squared radiance; `None`:
+/// not known yet.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Noise {
+    /// Direct light.
+    pub direct: Option<f64>,
+    /// Indirect light.
+    pub indirect: Option<f64>,
 }
 
 impl TaskQueues {
@@ -22,16 +58,25 @@ impl TaskQueues {
         let queues = match settings.algorithm {
             Algorithm::Component => vec![direct_order(settings), indirect_order(settings)],
             Algorithm::Straightforward => vec![full_order(settings)],
+            Algorithm::Progressive => {
+                let order = Order::Passes(Passes::new(settings));
+                return Self { order };
+            }
         };
-        Self { queues, turn: 0 }
+        let order = Order::InTurn { queues, turn: 0 };
+        Self { order }
     }
 
     /// Takes the next task.
-    pub fn next_task(&mut self) -> Option<Task> {
-        for _ in 0..self.queues.len() {
-            let turn = self.turn;
-            self.turn = (turn + 1) % self.queues.len();
-            if let Some(task) = self.queues[turn].pop_front() {
+    pub fn next_task(&mut self, outlook: &Outlook) -> Option<Task> {
+        let (queues, turn) = match &mut self.order {
+            Order::InTurn { queues, turn } => (queues, turn),
+            Order::Passes(passes) => return passes.next_task(outlook),
+        };
+        for _ in 0..queues.len() {
+            let queue = *turn;
+            *turn = (queue + 1) % queues.len();
+            if let Some(task) = queues[queue].pop_front() {
                 return Some(task);
             }
         }
@@ -40,18 +85,50 @@ impl TaskQueues {
 
     /// Puts a task back whose result was lost, to be the next of its component.
     pub fn put_back(&mut self, task: Task) {
-        let queue = usize::from(task.component == Component::Indirect);
-        self.queues[queue].push_front(task);
+        match &mut self.order {
+            Order::InTurn { queues, .. } => {
+                let queue = usize::from(task.component == Component::Indirect);
+                queues[queue].push_front(task);
+            }
+            Order::Passes(passes) => passes.put_back(task),
+        }
+    }
+
+    /// A slot spent so long on a whole task.
+    pub fn took(&mut self, task: Task, busy: Duration) {
+        if let Order::Passes(passes) = &mut self.order {
+            passes.took(task, busy);
+        }
+    }
+
+    /// The noise has been estimated anew.
+    pub fn noise(&mut self, noise: Noise) {
+        if let Order::Passes(passes) = &mut self.order {
+            passes.noise(noise);
+        }
     }
 
     /// Whether every task has been handed out.
     pub fn is_empty(&self) -> bool {
-        self.queues.iter().all(VecDeque::is_empty)
+        match &self.order {
+            Order::InTurn { queues, .. } => queues.iter().all(VecDeque::is_empty),
+            Order::Passes(passes) => passes.is_empty(),
+        }
     }
 
-    /// The tasks of each component that are still to be handed out, in order.
-    pub fn iter(&self) -> impl Iterator<Item = Task> {
-        self.queues.iter().flatten().copied()
+    /// How many tasks of each component are still to be handed out; of several passes they count as so
+    /// many.
+    pub fn totals(&self) -> BTreeMap<Component, u32> {
+        match &self.order {
+            Order::InTurn { queues, .. } => {
+                let mut totals = BTreeMap::new();
+                for task in queues.iter().flatten() {
+                    *totals.entry(task.component).or_default() += task.passes;
+                }
+                totals
+            }
+            Order::Passes(passes) => passes.totals(),
+        }
     }
 }
 
@@ -88,6 +165,7 @@ fn tasks(component: Component, indices: u32, groups: impl Fn(u32) -> std::ops::R
                 component,
                 group,
                 index,
+                passes: 1,
             })
         })
         .collect()
@@ -117,7 +195,7 @@ mod tests {
     }
 
     fn drain(mut queues: TaskQueues) -> Vec<(Component, u32, u32)> {
-        std::iter::from_fn(|| queues.next_task())
+        std::iter::from_fn(|| queues.next_task(&Outlook::default()))
             .map(|task| (task.component, task.index, task.group))
             .collect()
     }
@@ -164,13 +242,15 @@ mod tests {
     #[test]
     fn a_task_that_was_put_back_is_the_next_of_its_component() {
         let mut queues = TaskQueues::new(&settings(Algorithm::Component, 4, 1, 2));
-        let first: Vec<_> = (0..4).filter_map(|_| queues.next_task()).collect();
+        let first: Vec<_> = (0..4)
+            .filter_map(|_| queues.next_task(&Outlook::default()))
+            .collect();
         queues.put_back(first[3]);
         assert_eq!(
-            queues.next_task().map(|task| task.component),
+            queues.next_task(&Outlook::default()).map(|task| task.component),
             Some(Component::Direct)
         );
-        assert_eq!(queues.next_task(), Some(first[3]));
+        assert_eq!(queues.next_task(&Outlook::default()), Some(first[3]));
     }
 
     proptest! {

@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc, thread, time::Duration};
 
 use render::{
-    gbuffer::{Aovs, trace_aovs},
+    gbuffer::{Aovs, antialias_aovs, trace_aovs},
     intersect::TracedScene,
     pixel_group::PixelGroups,
     scene::load::{LoadOptions, LoadedScene, load},
@@ -21,6 +21,12 @@ use crate::{
     scene_bytes::SceneBytes,
 };
 
+/// Fewest rays through a pixel on an edge.
+const AOV_SAMPLES_MIN: u32 = 4;
+/// Most rays through a pixel on an edge, and the deadline that gives time for them.
+const AOV_SAMPLES_MAX: u32 = 16;
+const AOV_SAMPLES_MAX_FROM: Duration = Duration::from_secs(8);
+
 /// What has become ready. Comes in this order.
 #[derive(Debug)]
 pub enum Ready {
@@ -28,7 +34,7 @@ pub enum Ready {
     Loaded(Loaded),
     /// Tasks can be handed out.
     Traceable(Traceable),
-    /// The picture can be assembled.
+    /// The picture can be assembled; comes again, antialiased, if there is time for that.
     Aovs(Arc<Aovs>),
 }
 
@@ -130,8 +136,25 @@ fn prepare(job: &Job, clock: Clock, tell: impl Fn(Ready) + Sync) -> Result<(), F
         vpl_sets,
         bvh,
     }));
-    tell(Ready::Aovs(Arc::new(trace_aovs(&scene, settings.size))));
+    let aovs = Arc::new(trace_aovs(&scene, settings.size));
+    tell(Ready::Aovs(Arc::clone(&aovs)));
+    if job.is_antialiased() {
+        // Tasks have begun, so this is no longer urgent.
+        let threads = cores::unbound(false).or_exit(Exit::Unforeseen)?;
+        let half_time = job.deadline.map(|deadline| deadline.elapsed() / 2);
+        let stop = || half_time.is_some_and(|half_time| clock.now().elapsed() > half_time);
+        let smooth = threads.install(|| antialias_aovs(&scene, &aovs, aov_samples(job), &stop));
+        smooth.map(|smooth| tell(Ready::Aovs(Arc::new(smooth))));
+    }
     Ok(())
+}
+
+/// Rays through each pixel on an edge: as many as take about a hundredth of the time.
+fn aov_samples(job: &Job) -> u32 {
+    let per_second = f64::from(AOV_SAMPLES_MAX) / AOV_SAMPLES_MAX_FROM.as_secs_f64();
+    job.deadline.map_or(AOV_SAMPLES_MAX, |deadline| {
+        ((per_second * deadline.elapsed().as_secs_f64()) as u32).clamp(AOV_SAMPLES_MIN, AOV_SAMPLES_MAX)
+    })
 }
 
 fn load_scene(path: &Path, options: &LoadOptions) -> Result<LoadedScene, Failure> {

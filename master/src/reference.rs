@@ -3,7 +3,7 @@
 use std::thread;
 
 use anyhow::anyhow;
-use render::path::path_trace;
+use render::path::{Through, path_trace};
 use tokio::sync::mpsc;
 
 use crate::{
@@ -56,13 +56,18 @@ pub async fn run(
     // The paths, with news of the finished share.
     let begun = clock.now();
     let paths = setting.job.paths();
+    let through = if setting.job.is_antialiased() {
+        Through::WholePixel
+    } else {
+        Through::Centre
+    };
     let (news, mut shares) = mpsc::unbounded_channel();
     let tracer = thread::spawn(move || {
         let tell = |share| {
             // News of the share are for people only.
             let _ = news.send(share);
         };
-        path_trace(&traceable.scene, &aovs, paths, settings.seed, &tell)
+        path_trace(&traceable.scene, &aovs, through, paths, settings.seed, &tell)
     });
     while let Some(share) = shares.recv().await {
         progress.show_share(clock.now(), share);

@@ -7,8 +7,13 @@ use std::{path::Path, sync::Arc, time::Duration};
 
 use rayon::ThreadPool;
 use render::{
-    buffer::FrameBuffers, gbuffer::Aovs, image::Picture, pixel_group::PixelGroups,
-    reconstruct::Reconstruction, scene::ImageSize, settings::Settings,
+    buffer::FrameBuffers,
+    gbuffer::Aovs,
+    image::Picture,
+    pixel_group::PixelGroups,
+    reconstruct::Reconstruction,
+    scene::ImageSize,
+    settings::{Algorithm, Settings},
 };
 
 use crate::{
@@ -19,7 +24,7 @@ use crate::{
     exit::{Exit, Failure, OrExit},
     finish::{self, Material},
     job::Job,
-    plan::TaskQueues,
+    plan::{Outlook, TaskQueues},
 };
 
 /// Processor time that a rehearsal may take, as a share of the deadline.
@@ -58,7 +63,11 @@ impl Rehearsal {
     pub fn new(job: &Job, deadline: Duration, clock: Clock) -> Self {
         let size = job.size_expected();
         let settings = job.settings_at(size);
-        let settings = job.settings_at(small(size, settings.vpl_sets, deadline));
+        let sets = match settings.algorithm {
+            Algorithm::Progressive => 0,
+            _ => settings.vpl_sets,
+        };
+        let settings = job.settings_at(small(size, sets, deadline));
         let count = settings.size.pixel_count();
         Self {
             groups: Arc::new(PixelGroups::new(&settings)),
@@ -132,9 +141,14 @@ impl Rehearsal {
     fn material(&self) -> Material {
         let mut buffers = FrameBuffers::new(&self.settings, Arc::clone(&self.groups));
         let mut queues = TaskQueues::new(&self.settings);
-        let count = (queues.iter().count() as f64 * DONE_SHARE) as usize;
+        let all: u32 = match self.settings.algorithm {
+            // All groups in one component, and half of them in the other: some pixels are missing.
+            Algorithm::Progressive => self.settings.groups.saturating_mul(3),
+            _ => queues.totals().values().sum(),
+        };
+        let count = (f64::from(all) * DONE_SHARE) as usize;
         for place in 0..count {
-            let Some(task) = queues.next_task() else {
+            let Some(task) = queues.next_task(&Outlook::default()) else {
                 break;
             };
             let whole = self.groups.pixels(task.group).len();

@@ -19,7 +19,9 @@ pub struct Report {
     pub tasks: BTreeMap<&'static str, TaskCounts>,
     /// Share of pixels without data of their own; the mean over the open buffers (Table 1).
     pub reconstructed_percent: ReconstructedPercent,
-    /// VPL sets of which any data arrived.
+    /// Samples of a pixel, on the average.
+    pub samples_per_pixel: SamplesPerPixel,
+    /// VPL sets of which any data arrived; 0 in the progressive algorithm.
     pub open_sets: u32,
     /// Open sets left out for having too little.
     pub dropped_sets: u32,
@@ -49,7 +51,16 @@ pub struct Report {
     pub files: Vec<String>,
 }
 
-/// Tasks of one component.
+/// See [`Report::samples_per_pixel`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct SamplesPerPixel {
+    /// Points of the lights.
+    pub direct: f64,
+    /// VPL sets.
+    pub indirect: f64,
+}
+
+/// Tasks of one component; a task of several passes counts as so many.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct TaskCounts {
     /// The full workload.
@@ -80,7 +91,7 @@ pub struct WorkerReport {
     pub local: bool,
     /// Tasks that it renders at a time.
     pub slots: u32,
-    /// Results that counted.
+    /// Results that counted; one of several passes counts as so many.
     pub tasks: u32,
     /// Rays of these.
     pub rays: u64,
@@ -133,7 +144,7 @@ pub struct SettingsReport {
     pub scene_digest: String,
     /// `vpl` or `path`.
     pub integrator: &'static str,
-    /// `component` or `straightforward`.
+    /// `progressive`, `component` or `straightforward`.
     pub algorithm: &'static str,
     /// Whether `--paper` was given.
     pub paper: bool,
@@ -193,6 +204,9 @@ impl Report {
         };
         let counts = self.tasks.iter().map(|(component, counts)| {
             let TaskCounts { total, completed, .. } = counts;
+            if self.settings.algorithm == "progressive" {
+                return self.samples_of(component);
+            }
             match self.reconstructed_percent_of(component) {
                 percent if percent > 0.0 => {
                     format!("{component} {completed}/{total} ({percent:.1} % reconstructed)")
@@ -203,6 +217,17 @@ impl Report {
         let counts: Vec<String> = counts.collect();
         let separator = if counts.is_empty() { "" } else { ": " };
         format!("delivered {files} {when}{separator}{}", counts.join(", "))
+    }
+
+    fn samples_of(&self, component: &str) -> String {
+        let SamplesPerPixel { direct, indirect } = self.samples_per_pixel;
+        let samples = if component == "indirect" { indirect } else { direct };
+        match self.reconstructed_percent_of(component) {
+            percent if percent > 0.0 => {
+                format!("{samples:.1} {component} passes ({percent:.1} % reconstructed)")
+            }
+            _ => format!("{samples:.1} {component} passes"),
+        }
     }
 
     fn reconstructed_percent_of(&self, component: &str) -> f64 {

@@ -12,7 +12,7 @@ use crate::{
     frame_time::FrameTime,
     job::Job,
     progress::component_name,
-    report::{LedgerReport, ReconstructedPercent, Report, SettingsReport, TaskCounts},
+    report::{LedgerReport, ReconstructedPercent, Report, SamplesPerPixel, SettingsReport, TaskCounts},
     session::Prepared,
 };
 
@@ -79,6 +79,10 @@ pub fn add_coverage(report: &mut Report, coverage: &Coverage) {
     };
     report.open_sets = coverage.open_sets;
     report.dropped_sets = coverage.dropped_sets;
+    report.samples_per_pixel = SamplesPerPixel {
+        direct: coverage.direct_samples,
+        indirect: coverage.indirect_samples,
+    };
 }
 
 /// When the picture was in its place.
@@ -101,7 +105,11 @@ pub fn workload(settings: &Settings) -> String {
         Some(bound) => format!("geometry term up to {bound:.3e}"),
         None => "geometry term unbounded".to_owned(),
     };
-    format!("{size}, {groups} groups, {spp} passes, {vpls} VPLs in {vpl_sets} sets, {clamp}")
+    let passes = match (settings.algorithm, *spp) {
+        (Algorithm::Progressive, Settings::SPP_MAX) => "passes without end".to_owned(),
+        _ => format!("{spp} passes"),
+    };
+    format!("{size}, {groups} groups, {passes}, {vpls} VPLs in {vpl_sets} sets, {clamp}")
 }
 
 /// As on the command line.
@@ -130,6 +138,7 @@ fn settings(job: &Job, prepared: &Prepared) -> SettingsReport {
     };
     if let Some(settings) = prepared.settings {
         report.algorithm = match settings.algorithm {
+            Algorithm::Progressive => "progressive",
             Algorithm::Component => "component",
             Algorithm::Straightforward => "straightforward",
         };

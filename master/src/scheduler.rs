@@ -15,7 +15,10 @@ use std::{
 pub use protocol::WorkerId;
 use render::task::{Component, Task};
 
-use crate::{frame_time::FrameTime, plan::TaskQueues};
+use crate::{
+    frame_time::FrameTime,
+    plan::{Noise, Outlook, TaskQueues},
+};
 
 /// How much of its pixel group a result covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,7 +32,7 @@ pub enum Extent {
 }
 
 /// What happened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event {
     /// A worker can render this frame, or the number of its slots has changed.
     WorkerReady {
@@ -53,6 +56,8 @@ pub enum Event {
         task: Task,
         /// How much of it.
         extent: Extent,
+        /// Time that the slot spent on it.
+        busy: Duration,
     },
     /// A result cannot be added to the picture: wrong size, or not numbers.
     Unusable {
@@ -78,6 +83,9 @@ pub enum Event {
         /// After this moment no result counts.
         at: FrameTime,
     },
+    /// How noisy a pass of each component is has been estimated anew; matters to the progressive
+    /// algorithm alone.
+    Noise(Noise),
     /// Nothing but time has passed.
     Tick,
 }
@@ -142,8 +150,16 @@ impl fmt::Display for Name {
             component,
             group,
             index,
+            passes,
         } = self.0;
         match component {
+            _ if passes > 1 => {
+                write!(
+                    f,
+                    "{component:?} passes {index} to {} of group {group},",
+                    index + passes - 1
+                )
+            }
             Component::Direct => write!(f, "direct pass {index} of group {group},"),
             Component::Indirect => write!(f, "VPL set {index} of group {group},"),
             Component::Full => write!(f, "group {group},"),
@@ -160,7 +176,7 @@ pub enum Closing {
     CutOff,
 }
 
-/// Tasks of one component.
+/// Tasks of one component; those of several passes count as so many.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Tally {
     /// The full workload.
@@ -231,10 +247,14 @@ impl Scheduler {
     /// A frame in which no worker ever holds, or has asked for, more than `leases_per_slot_max`
     /// tasks for each of its slots.
     pub fn new(queues: TaskQueues, promise: Promise, leases_per_slot_max: u32) -> Self {
-        let mut tallies: BTreeMap<Component, Tally> = BTreeMap::new();
-        for task in queues.iter() {
-            tallies.entry(task.component).or_default().total += 1;
-        }
+        let tally = |total| Tally {
+            total,
+            ..Tally::default()
+        };
+        let totals = queues.totals().into_iter();
+        let tallies = totals
+            .map(|(component, total)| (component, tally(total)))
+            .collect();
         Self {
             promise,
             leases_per_slot_max,
@@ -256,11 +276,17 @@ impl Scheduler {
         match event {
             Event::WorkerReady { worker, slots } => self.worker_ready(now, worker, slots),
             Event::Request { worker, count } => self.request(now, worker, count),
-            Event::Completed { worker, task, extent } => self.completed(now, worker, task, extent),
+            Event::Completed {
+                worker,
+                task,
+                extent,
+                busy,
+            } => self.completed(now, worker, task, extent, busy),
             Event::Unusable { worker, task } => self.unusable(now, worker, task),
             Event::WorkerLeft { worker } => self.worker_left(now, worker),
             Event::DeltaT { worker, delta_t } => self.delta_t(worker, delta_t),
             Event::CutOff { at } => self.move_cut_off(at),
+            Event::Noise(noise) => self.queues.noise(noise),
             Event::Tick => {}
         }
         self.close_at_cut_off(now);
@@ -319,7 +345,7 @@ impl Scheduler {
         self.serve(now, id);
     }
 
-    fn completed(&mut self, now: FrameTime, id: WorkerId, task: Task, extent: Extent) {
+    fn completed(&mut self, now: FrameTime, id: WorkerId, task: Task, extent: Extent, busy: Duration) {
         if !self.workers.contains_key(&id) {
             return self.disconnect(id, Fault::NotReady);
         }
@@ -342,9 +368,12 @@ impl Scheduler {
             Extent::Prefix => self.promise == Promise::Deadline || self.cut_off.is_some(),
             Extent::Nothing => false,
         };
+        if extent == Extent::Whole {
+            self.queues.took(task, busy);
+        }
         if counts {
             self.status.insert(task, Status::Done(id, extent));
-            self.count(task, extent, 1);
+            self.count(task, extent, task.passes.cast_signed());
             self.actions.push_back(Action::Add { worker: id, task });
         } else {
             self.lose(task);
@@ -357,7 +386,7 @@ impl Scheduler {
         if let Some(&Status::Done(holder, extent)) = self.status.get(&task)
             && holder == id
         {
-            self.count(task, extent, -1);
+            self.count(task, extent, -task.passes.cast_signed());
             self.lose(task);
         }
         self.disconnect(id, Fault::Unusable(task));
@@ -406,6 +435,10 @@ impl Scheduler {
         if self.closed {
             return;
         }
+        let outlook = Outlook {
+            left: self.cut_off.map(|at| now.until(at)),
+            slots: self.slots(),
+        };
         let Some(worker) = self.workers.get_mut(&id) else {
             return;
         };
@@ -414,7 +447,7 @@ impl Scheduler {
             .leases_now(now, self.cut_off)
             .min(worker.leases_max(self.leases_per_slot_max));
         let count = worker.wanted.min(allowed.saturating_sub(held));
-        let tasks: Vec<Task> = std::iter::from_fn(|| self.queues.next_task())
+        let tasks: Vec<Task> = std::iter::from_fn(|| self.queues.next_task(&outlook))
             .take(count as usize)
             .collect();
         if tasks.is_empty() {
@@ -430,7 +463,7 @@ impl Scheduler {
                 "{task:?} was handed out a second time, after {before:?}"
             );
             if before.is_none() {
-                self.tallies.entry(task.component).or_default().issued += 1;
+                self.tallies.entry(task.component).or_default().issued += task.passes;
             }
         }
         self.actions.push_back(Action::Assign { worker: id, tasks });

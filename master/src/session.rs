@@ -38,7 +38,7 @@ use crate::{
 const ARRIVALS_MAX: usize = 64;
 /// The beat of all that happens now and then.
 const BEAT: Duration = Duration::from_millis(25);
-/// Beats between two pings of everyone, a tenth of a second.
+/// Beats between two pings of everyone, and two estimates of the noise: a tenth of a second.
 const BEATS_PER_PING: u32 = 4;
 /// Beats between two pictures of the progress.
 const BEATS_PER_SNAPSHOT: u32 = 4;
@@ -299,6 +299,7 @@ impl Session {
         self.frame.move_cut_off();
         if self.beats.is_multiple_of(BEATS_PER_PING) {
             self.frame.ping();
+            self.frame.estimate_noise();
         }
         if self.beats.is_multiple_of(BEATS_PER_SNAPSHOT) {
             self.show(progress);

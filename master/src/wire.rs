@@ -18,6 +18,7 @@ pub fn task_to_wire(task: Task) -> protocol::Task {
         component,
         group: task.group,
         index: task.index,
+        passes: task.passes,
     }
 }
 
@@ -32,6 +33,7 @@ pub fn task_from_wire(task: protocol::Task) -> Task {
         component,
         group: task.group,
         index: task.index,
+        passes: task.passes,
     }
 }
 
@@ -54,6 +56,7 @@ pub fn frame_to_wire(
 pub fn settings_to_wire(settings: &Settings) -> protocol::settings::Settings {
     protocol::settings::Settings {
         algorithm: match settings.algorithm {
+            Algorithm::Progressive => protocol::settings::Algorithm::Progressive,
             Algorithm::Component => protocol::settings::Algorithm::Component,
             Algorithm::Straightforward => protocol::settings::Algorithm::Straightforward,
         },

@@ -39,6 +39,7 @@ fn task(group: u32) -> Task {
         component: Component::Full,
         group,
         index: 0,
+        passes: 1,
     }
 }
 
@@ -55,6 +56,7 @@ fn completed(worker: WorkerId, group: u32) -> Event {
         worker,
         task: task(group),
         extent: Extent::Whole,
+        busy: Duration::ZERO,
     }
 }
 
@@ -294,6 +296,7 @@ fn a_prefix_counts_with_a_deadline_and_is_done_again_without_one() {
         worker: A,
         task: task(0),
         extent: Extent::Prefix,
+        busy: Duration::ZERO,
     };
     let mut with_deadline = scheduler(Promise::Deadline);
     let actions = feed(&mut with_deadline, &[ready(A, 1), request(A, 1), prefix]);
@@ -311,6 +314,7 @@ fn an_interrupted_full_workload_takes_what_workers_have() {
         worker: A,
         task: task(0),
         extent: Extent::Prefix,
+        busy: Duration::ZERO,
     };
     let mut scheduler = scheduler(Promise::FullWorkload);
     feed(&mut scheduler, &[ready(A, 1), request(A, 1)]);
@@ -366,6 +370,7 @@ fn the_frame_closes_before_the_cut_off_when_every_worker_has_sent_its_last() {
         worker: A,
         task: task(0),
         extent: Extent::Nothing,
+        busy: Duration::ZERO,
     };
     let actions = feed_from(&mut scheduler, 72, &[nothing]);
     assert_eq!(actions, [Action::Close(Closing::CutOff)]);

@@ -67,6 +67,7 @@ fn task((component, group, index): TaskKey) -> Task {
         component,
         group,
         index,
+        passes: 1,
     }
 }
 
@@ -203,6 +204,7 @@ impl Simulation {
                 worker: id,
                 task: task(done),
                 extent,
+                busy: Duration::ZERO,
             },
         );
         self.happen(now, Event::Request { worker: id, count: 1 });
@@ -247,6 +249,7 @@ impl Simulation {
                     worker: id,
                     task: task(lie),
                     extent: Extent::Whole,
+                    busy: Duration::ZERO,
                 },
             );
         }

@@ -109,6 +109,7 @@ fn complete(algorithm: Algorithm, count: u32) -> Vec<Task> {
             worker: WORKER,
             task,
             extent: Extent::Whole,
+            busy: Duration::ZERO,
         };
         scheduler.handle(now(0), done);
         assert_eq!(

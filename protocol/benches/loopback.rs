@@ -64,6 +64,7 @@ fn result(group: u32) -> ToMaster {
             component: Component::Indirect,
             group,
             index: 3,
+            passes: 1,
         },
         pixels: PIXELS,
         radiance: Radiance::pack(&vec![0.25; 3 * PIXELS as usize], Encoding::SharedExponent),

@@ -209,6 +209,7 @@ mod tests {
             component: Component::Direct,
             group: 1,
             index: 2,
+            passes: 1,
         };
         let result = |pixels: u32| {
             ToMaster::Result(TaskResult {

@@ -148,7 +148,8 @@ pub struct TaskResult {
     /// How many pixels of the group were done, in the group's order; 0 is possible.
     pub pixels: u32,
     /// `pixels` × [`floats_per_pixel`](crate::Component::floats_per_pixel) values: radiance per
-    /// unit albedo, W·m⁻²·sr⁻¹, in whatever encoding.
+    /// unit albedo, W·m⁻²·sr⁻¹; progressive: radiance, its albedo included, summed over the passes. In
+    /// whatever encoding.
     pub radiance: Radiance,
     /// Rays from the camera that were traced.
     pub primary_rays: u64,
@@ -531,6 +532,7 @@ mod tests {
             component: crate::Component::Full,
             group: 3,
             index: 0,
+            passes: 1,
         };
         let result = |pixels, values| TaskResult {
             frame: FrameId(1),

@@ -8,6 +8,8 @@ use crate::limits::{self, LimitError, one_to};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
+    /// Passes of direct and of indirect light, each through other places of the pixels.
+    Progressive,
     /// Direct and indirect light are tasks of their own (section 3.2 of the paper).
     Component,
     /// A task computes all light of its pixels (section 3.1).
@@ -35,7 +37,7 @@ pub struct Settings {
     pub height: u32,
     /// Pixel groups.
     pub groups: u32,
-    /// Direct passes: light samples per pixel.
+    /// Direct passes: light samples per pixel; progressive: passes of each component.
     pub spp: u32,
     /// VPLs wanted in all sets together.
     pub vpls: u32,

@@ -42,8 +42,15 @@ pub struct Task {
     pub component: Component,
     /// The pixel group, `group < groups`.
     pub group: u32,
-    /// The light sample (direct), the VPL set (indirect), or 0 (full).
+    /// The light sample (direct), the VPL set (indirect), or 0 (full); progressive: the first pass.
     pub index: u32,
+    /// Progressive: so many passes, added up; otherwise 1.
+    #[serde(default = "one")]
+    pub passes: u32,
+}
+
+fn one() -> u32 {
+    1
 }
 
 impl fmt::Display for Task {

@@ -26,6 +26,7 @@ fn task() -> impl Strategy<Value = Task> {
         component,
         group,
         index,
+        passes: 1,
     })
 }
 

@@ -6,8 +6,10 @@
 //! is read in its order.
 
 mod halves;
+mod passes;
 
 pub use halves::{Half, HalfBuffers};
+pub(crate) use passes::PassBuffers;
 
 use std::{collections::BTreeMap, mem, sync::Arc};
 
@@ -15,7 +17,7 @@ use glam::{DVec3, Vec3};
 
 use crate::{
     pixel_group::PixelGroups,
-    settings::Settings,
+    settings::{Algorithm, Settings},
     task::{Component, Task},
 };
 
@@ -29,6 +31,8 @@ pub struct FrameBuffers {
     sets: Vec<Option<Buffer<3>>>,
     /// Direct and indirect light of each pixel.
     full: Option<Buffer<6>>,
+    /// All light of the progressive algorithm.
+    passes: Option<PassBuffers>,
 }
 
 /// Radiance per unit albedo of the beginnings of groups, `N` numbers for each pixel.
@@ -99,11 +103,15 @@ impl FrameBuffers {
             direct: DirectBuffer::new(&groups),
             sets: (0..settings.vpl_sets).map(|_| None).collect(),
             full: None,
+            passes: match settings.algorithm {
+                Algorithm::Progressive => Some(PassBuffers::new(settings)),
+                _ => None,
+            },
             groups,
         }
     }
 
-    /// Adds what a task yielded: radiance per unit albedo of a beginning of its group, laid out as in
+    /// Adds what a task yielded of a beginning of its group, laid out as in
     /// [`TaskOutput::radiance`](crate::frame::TaskOutput::radiance).
     ///
     /// # Errors
@@ -131,6 +139,10 @@ impl FrameBuffers {
         }
         let groups = &self.groups;
         let pixels = groups.pixels(task.group);
+        if let Some(passes) = &mut self.passes {
+            passes.add(task, pixels, radiance.as_chunks().0);
+            return Ok(());
+        }
         match task.component {
             Component::Direct => {
                 let (light, _) = radiance.as_chunks();
@@ -148,6 +160,9 @@ impl FrameBuffers {
     }
 
     fn has(&self, task: Task) -> bool {
+        if let Some(passes) = &self.passes {
+            return passes.has(task);
+        }
         match task.component {
             Component::Direct => self.direct.queues[task.group as usize].has(task.index),
             Component::Indirect => self.sets[task.index as usize]
@@ -184,6 +199,20 @@ impl FrameBuffers {
     /// The same, to be changed or taken away.
     pub(crate) fn set_mut(&mut self, set: u32) -> &mut Option<Buffer<3>> {
         &mut self.sets[set as usize]
+    }
+
+    /// All light of the progressive algorithm.
+    pub(crate) fn passes(&self) -> Option<&PassBuffers> {
+        self.passes.as_ref()
+    }
+
+    /// Progressive: how noisy a pass of direct and of indirect light is, as far as that is known. See
+    /// [`HalfBuffers::relative_variance`].
+    pub fn relative_variances(&self) -> [Option<f64>; 2] {
+        match &self.passes {
+            Some(passes) => [&passes.direct, &passes.indirect].map(HalfBuffers::relative_variance),
+            None => [None; 2],
+        }
     }
 
     /// The single buffer of the straightforward algorithm.
@@ -322,6 +351,7 @@ mod tests {
             component: Component::Direct,
             group: 1,
             index,
+            passes: 1,
         }
     }
 

@@ -9,9 +9,10 @@ use crate::{
     light::{LightPoint, LightSampler},
     sample::{
         Stream,
+        pixel::PixelSamples,
         sobol::{fold_seed, hash},
     },
-    settings::{LightPoints, Settings},
+    settings::{Algorithm, LightPoints, Settings},
     vpl::{Gather, GeometryBound, Vpl, aim, geometry_terms, trace},
 };
 
@@ -25,6 +26,8 @@ pub struct DirectPass {
     place: Vec2,
     seed: u32,
     light_points: LightPoints,
+    /// The pixels' own sequences, if they have any.
+    samples: Option<PixelSamples>,
 }
 
 impl DirectPass {
@@ -38,6 +41,10 @@ impl DirectPass {
             place: stream.next_2d(),
             seed,
             light_points: settings.light_points,
+            samples: match settings.algorithm {
+                Algorithm::Progressive => Some(PixelSamples::new(settings.seed, pass)),
+                _ => None,
+            },
         }
     }
 
@@ -124,9 +131,13 @@ impl DirectPass {
         rays
     }
 
-    /// The pass's point, shifted around the torus by an offset of the pixel's own (Cranley and
-    /// Patterson 1976): each pixel keeps the even spread of the passes.
+    /// The next of the pixel's own sequence; or the pass's point, shifted around the torus by an offset
+    /// of the pixel's own (Cranley and Patterson 1976): each pixel keeps the even spread of the passes.
     fn point_for(&self, lights: &LightSampler, pixel: u32) -> Option<LightPoint> {
+        if let Some(samples) = self.samples {
+            let (choice, place) = samples.light(pixel);
+            return lights.sample(choice, place);
+        }
         let offset = |dimension| unit(hash(self.seed ^ dimension, pixel));
         let place = (self.place + Vec2::new(offset(2), offset(3))).fract();
         lights.sample((self.choice + offset(1)).fract(), place)

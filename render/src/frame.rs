@@ -2,15 +2,16 @@
 
 use std::sync::{Arc, OnceLock};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::{
     direct::DirectPass,
-    gbuffer::{GBuffer, Vec3Lanes},
+    gbuffer::{Footprint, GBuffer, Vec3Lanes},
     intersect::TracedScene,
     light::LightSampler,
     pixel_group::PixelGroups,
-    settings::{Settings, SettingsError},
+    sample::{hash, pixel::PixelSamples},
+    settings::{Algorithm, Settings, SettingsError},
     task::{Component, RayCounts, Task},
     vpl::{Gather, GeometryBound, VplSet},
 };
@@ -23,7 +24,8 @@ pub struct FrameRenderer {
     groups: PixelGroups,
     lights: LightSampler,
     vpl_sets: Vec<VplSet>,
-    /// The first surfaces of each chunk of each group: the same for every task of the group.
+    /// The first surfaces of each chunk of each group: the same for every task of the group. None in the
+    /// progressive algorithm, whose passes look elsewhere each time.
     gbuffers: Vec<Vec<OnceLock<GBuffer>>>,
 }
 
@@ -43,12 +45,16 @@ pub enum FrameError {
     },
 }
 
+/// Sets the groups' beginnings among the VPL sets apart from other numbers.
+const SET_ORDER: u32 = 0x7365_7473;
+
 /// What a task yielded before it was done or stopped.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TaskOutput {
     /// Length of the finished beginning of [`PixelGroups::pixels`].
     pub pixels_done: u32,
-    /// Radiance per unit albedo in W·m⁻²·sr⁻¹, [`Component::floats_per_pixel`] numbers for each of these.
+    /// Radiance per unit albedo in W·m⁻²·sr⁻¹, [`Component::floats_per_pixel`] numbers for each of these;
+    /// progressive: radiance, its albedo included, summed over the task's passes.
     pub radiance: Vec<f32>,
     /// Rays traced.
     pub rays: RayCounts,
@@ -73,7 +79,11 @@ impl FrameRenderer {
         }
         let groups = PixelGroups::new(&settings);
         let chunks = |group| groups.pixels(group).len().div_ceil(groups.chunk_pixels());
-        let gbuffers = (0..settings.groups)
+        let kept = match settings.algorithm {
+            Algorithm::Progressive => 0,
+            _ => settings.groups,
+        };
+        let gbuffers = (0..kept)
             .map(|group| {
                 std::iter::repeat_with(OnceLock::new)
                     .take(chunks(group))
@@ -126,6 +136,9 @@ impl FrameRenderer {
     }
 
     fn render_chunk(&self, task: Task, chunk: usize, pixels: &[u32], output: &mut TaskOutput) {
+        if self.settings.algorithm == Algorithm::Progressive {
+            return self.render_passes(task, pixels, output);
+        }
         if task.component == Component::Full {
             // Each pixel comes once: nothing to keep.
             let points = self.trace_points(pixels, &mut output.rays);
@@ -141,6 +154,40 @@ impl FrameRenderer {
         output
             .radiance
             .extend((0..pixels.len()).flat_map(|lane| radiance.get(lane).to_array()));
+    }
+
+    /// The sum over the task's passes, each through other places of the pixels.
+    fn render_passes(&self, task: Task, pixels: &[u32], output: &mut TaskOutput) {
+        let mut sums = vec![Vec3::ZERO; pixels.len()];
+        for pass in task.index..task.index + task.passes {
+            let samples = PixelSamples::new(self.settings.seed, pass);
+            let place = |pixel| samples.place(pixel);
+            let Footprint { points, albedo } =
+                Footprint::trace(&self.scene, self.settings.size, pixels, place);
+            output.rays.primary += pixels.len() as u64;
+            let mut light = Vec3Lanes::zeros(points.position.x.len());
+            output.rays.shadow += match task.component {
+                Component::Direct => self.add_direct(pass, pixels, &points, &mut light),
+                _ => self.add_indirect(self.set_of(task.group, pass), &points, &mut light),
+            };
+            for (lane, sum) in sums.iter_mut().enumerate() {
+                *sum += albedo.get(lane) * light.get(lane);
+            }
+        }
+        output
+            .radiance
+            .extend(sums.into_iter().flat_map(|sum| sum.to_array()));
+    }
+
+    /// The VPL set that a group sees in a pass of the progressive algorithm.
+    ///
+    /// Sets that follow each other complement each other, and so do aligned runs of them. So do those of a
+    /// group's passes, and those of all groups, whose pixels are neighbours, in one pass; and a group meets
+    /// every set before it meets one again. In the higher bits each group begins elsewhere.
+    fn set_of(&self, group: u32, pass: u32) -> u32 {
+        let bits = self.settings.groups.next_power_of_two().trailing_zeros();
+        let begin = group | hash(SET_ORDER, group) << bits;
+        (pass ^ begin) % self.settings.vpl_sets
     }
 
     /// All passes and all sets of a chunk, with the same means as the component-based buffers have.

@@ -2,12 +2,13 @@
 
 use bytemuck::zeroed_vec;
 use embree4_sys as embree;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::{
     camera::Camera,
     intersect::{SurfacePoint, TracedScene},
+    sample::pixel::PixelSamples,
     scene::ImageSize,
 };
 
@@ -68,23 +69,62 @@ pub struct GBuffer {
 impl GBuffer {
     /// Traces the centres of the given pixels (row-major indices).
     pub fn trace(scene: &TracedScene, size: ImageSize, pixels: &[u32]) -> Self {
-        let padded = pixels.len().next_multiple_of(LANES_MAX);
-        let mut buffer = Self {
-            len: pixels.len(),
-            position: Vec3Lanes::zeros(padded),
-            shading_normal: Vec3Lanes::zeros(padded),
-            geometric_normal: Vec3Lanes::zeros(padded),
-        };
+        let mut buffer = Self::unseen(pixels.len());
         let mut lane = 0;
-        trace_pixels(scene, size, pixels, |hit| {
+        trace_pixels(scene, size, pixels, centre, |hit| {
             if let Some((point, _)) = hit {
-                buffer.position.set(lane, point.lifted(scene.ray_offset()));
-                buffer.shading_normal.set(lane, point.shading_normal);
-                buffer.geometric_normal.set(lane, point.geometric_normal);
+                buffer.set(lane, &point, scene);
             }
             lane += 1;
         });
         buffer
+    }
+
+    /// So many pixels that see nothing.
+    fn unseen(len: usize) -> Self {
+        let padded = len.next_multiple_of(LANES_MAX);
+        Self {
+            len,
+            position: Vec3Lanes::zeros(padded),
+            shading_normal: Vec3Lanes::zeros(padded),
+            geometric_normal: Vec3Lanes::zeros(padded),
+        }
+    }
+
+    fn set(&mut self, lane: usize, point: &SurfacePoint, scene: &TracedScene) {
+        self.position.set(lane, point.lifted(scene.ray_offset()));
+        self.shading_normal.set(lane, point.shading_normal);
+        self.geometric_normal.set(lane, point.geometric_normal);
+    }
+}
+
+/// What is seen at one place within each of a run of pixels.
+#[derive(Debug, Clone)]
+pub struct Footprint {
+    /// The surfaces.
+    pub points: GBuffer,
+    /// Their diffuse albedo; 0 where nothing is seen.
+    pub albedo: Vec3Lanes,
+}
+
+impl Footprint {
+    /// Traces the given pixels (row-major indices), each at its `place` from its upper left corner, in
+    /// pixels.
+    pub fn trace(scene: &TracedScene, size: ImageSize, pixels: &[u32], place: impl Fn(u32) -> Vec2) -> Self {
+        let points = GBuffer::unseen(pixels.len());
+        let mut footprint = Self {
+            albedo: Vec3Lanes::zeros(points.position.x.len()),
+            points,
+        };
+        let mut lane = 0;
+        trace_pixels(scene, size, pixels, place, |hit| {
+            if let Some((point, _)) = hit {
+                footprint.points.set(lane, &point, scene);
+                footprint.albedo.set(lane, point.albedo);
+            }
+            lane += 1;
+        });
+        footprint
     }
 }
 
@@ -124,7 +164,7 @@ pub fn trace_aovs(scene: &TracedScene, size: ImageSize) -> Aovs {
             let first = row * width;
             let pixels: Vec<u32> = (first..first + width).map(|pixel| pixel as u32).collect();
             let mut column = 0;
-            trace_pixels(scene, size, &pixels, |hit| {
+            trace_pixels(scene, size, &pixels, centre, |hit| {
                 depth[column] = match hit {
                     Some((point, distance)) => {
                         albedo[column] = point.albedo;
@@ -140,17 +180,96 @@ pub fn trace_aovs(scene: &TracedScene, size: ImageSize) -> Aovs {
     aovs
 }
 
-/// Calls `visit` once per pixel, in order, with the first surface and its distance from the eye.
+/// The same, antialiased: where a pixel differs from a neighbour, albedo, normal and emission become means
+/// over so many places in it, and normals there are shorter than 1. Depth stays that of the centre.
+///
+/// `None` if `stop`, asked now and then from any thread, says that there is no time for it.
+pub fn antialias_aovs(
+    scene: &TracedScene,
+    aovs: &Aovs,
+    samples: u32,
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Option<Aovs> {
+    let mut smooth = aovs.clone();
+    let width = aovs.size.width as usize;
+    let rows = (smooth.albedo.par_chunks_mut(width))
+        .zip(smooth.normal.par_chunks_mut(width))
+        .zip(smooth.emission.par_chunks_mut(width));
+    let is_whole = rows.enumerate().all(|(row, ((albedo, normal), emission))| {
+        if stop() {
+            return false;
+        }
+        let first = row * width;
+        let edges: Vec<u32> = (first..first + width)
+            .filter(|&pixel| aovs.has_edge(pixel))
+            .map(|pixel| pixel as u32)
+            .collect();
+        let columns: Vec<usize> = edges.iter().map(|&pixel| pixel as usize - first).collect();
+        for &column in &columns {
+            (albedo[column], normal[column], emission[column]) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+        }
+        let weight = 1.0 / samples as f32;
+        for sample in 0..samples {
+            let places = PixelSamples::new(AOV_SEED, sample);
+            let mut columns = columns.iter();
+            let place = |pixel| places.place(pixel);
+            trace_pixels(scene, aovs.size, &edges, place, |hit| {
+                if let (Some(&column), Some((point, _))) = (columns.next(), hit) {
+                    albedo[column] += weight * point.albedo;
+                    normal[column] += weight * point.shading_normal;
+                    emission[column] += weight * point.emission;
+                }
+            });
+        }
+        true
+    });
+    is_whole.then_some(smooth)
+}
+
+/// Of no consequence: any seed is as good.
+const AOV_SEED: u64 = 0;
+/// Neighbouring pixels whose albedos differ by more, in any channel, have an edge between them.
+const ALBEDO_STEP: f32 = 0.01;
+/// Cosine between the normals of neighbouring pixels below which there is an edge.
+const NORMAL_STEP: f32 = 0.98;
+
+impl Aovs {
+    /// Whether a pixel shows something else than one of its eight neighbours.
+    fn has_edge(&self, pixel: usize) -> bool {
+        let (width, height) = (self.size.width as usize, self.size.height as usize);
+        let (x, y) = (pixel % width, pixel / width);
+        let near = |place: usize, count: usize| place.saturating_sub(1)..(place + 2).min(count);
+        near(y, height)
+            .flat_map(|y| near(x, width).map(move |x| y * width + x))
+            .any(|other| self.differ(pixel, other))
+    }
+
+    fn differ(&self, a: usize, b: usize) -> bool {
+        let albedo = (self.albedo[a] - self.albedo[b]).abs().max_element() > ALBEDO_STEP;
+        let is_seen = self.depth[a].is_finite();
+        let normal = is_seen && self.normal[a].dot(self.normal[b]) < NORMAL_STEP;
+        albedo || normal || self.emission[a] != self.emission[b] || is_seen != self.depth[b].is_finite()
+    }
+}
+
+/// The place in the middle of a pixel.
+fn centre(_pixel: u32) -> Vec2 {
+    Vec2::splat(0.5)
+}
+
+/// Calls `visit` once per pixel, in order, with the first surface at the pixel's `place`, from its upper
+/// left corner, and the surface's distance from the eye.
 fn trace_pixels(
     scene: &TracedScene,
     size: ImageSize,
     pixels: &[u32],
+    place: impl Fn(u32) -> Vec2,
     visit: impl FnMut(Option<(SurfacePoint, f32)>),
 ) {
     match scene.packet_width() {
-        embree::PacketWidth::W4 => trace_packets::<4>(scene, size, pixels, visit),
-        embree::PacketWidth::W8 => trace_packets::<8>(scene, size, pixels, visit),
-        embree::PacketWidth::W16 => trace_packets::<16>(scene, size, pixels, visit),
+        embree::PacketWidth::W4 => trace_packets::<4>(scene, size, pixels, place, visit),
+        embree::PacketWidth::W8 => trace_packets::<8>(scene, size, pixels, place, visit),
+        embree::PacketWidth::W16 => trace_packets::<16>(scene, size, pixels, place, visit),
     }
 }
 
@@ -158,21 +277,21 @@ fn trace_packets<const N: usize>(
     scene: &TracedScene,
     size: ImageSize,
     pixels: &[u32],
+    place: impl Fn(u32) -> Vec2,
     mut visit: impl FnMut(Option<(SurfacePoint, f32)>),
 ) where
     embree::Lanes<N>: embree::PacketSize,
 {
     let camera = Camera::new(&scene.scene().camera, size);
-    let direction = |pixel: u32| {
-        let (x, y) = (pixel % size.width, pixel / size.width);
-        camera.direction(x as f32 + 0.5, y as f32 + 0.5)
-    };
     for pixels in pixels.chunks(N) {
         let mut rays = embree::RayPacket::<N>::new();
+        let mut directions = [Vec3::ZERO; N];
         for (lane, &pixel) in pixels.iter().enumerate() {
+            let (x, y, place) = (pixel % size.width, pixel / size.width, place(pixel));
+            directions[lane] = camera.direction(x as f32 + place.x, y as f32 + place.y);
             rays.set(
                 lane,
-                &embree::Ray::new(camera.eye().to_array(), direction(pixel).to_array()),
+                &embree::Ray::new(camera.eye().to_array(), directions[lane].to_array()),
             );
         }
         let mut packet = embree::RayHitPacket::new(rays);
@@ -180,10 +299,10 @@ fn trace_packets<const N: usize>(
         scene
             .accelerated()
             .intersect(&valid, &mut packet, embree::Coherence::Coherent);
-        for (lane, &pixel) in pixels.iter().enumerate() {
+        for (lane, &direction) in directions.iter().enumerate().take(pixels.len()) {
             visit(packet.hit(lane).map(|hit| {
                 let triangle = hit.primitive as usize;
-                let point = SurfacePoint::new(scene.scene(), triangle, camera.eye(), direction(pixel));
+                let point = SurfacePoint::new(scene.scene(), triangle, camera.eye(), direction);
                 (point, point.position.distance(camera.eye()))
             }));
         }

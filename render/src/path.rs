@@ -8,7 +8,7 @@ use std::sync::{
     atomic::{AtomicU32, Ordering},
 };
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use crate::{
     camera::Camera,
@@ -32,6 +32,15 @@ const SURVIVAL_MAX: f32 = 0.95;
 /// Sets the paths' numbers apart from those of other purposes.
 const SEED_PURPOSE: u32 = 0x676f_6c64;
 
+/// Where a pixel's paths go through it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Through {
+    /// All through its centre, as the paper's samples do.
+    Centre,
+    /// Evenly spread over it: the picture is antialiased by a box filter.
+    WholePixel,
+}
+
 /// Light at one pixel, by component; radiance in W·m⁻²·sr⁻¹.
 #[derive(Debug, Clone, Copy, Default)]
 struct PathRadiance {
@@ -41,12 +50,13 @@ struct PathRadiance {
     indirect: Vec3,
 }
 
-/// Renders the centres of all pixels with `spp` paths each, with all cores.
+/// Renders all pixels with `spp` paths each, with all cores: through their centres, or spread over them.
 ///
 /// `progress` is told the finished share of the rows, from any thread.
 pub fn path_trace(
     scene: &TracedScene,
     aovs: &Arc<Aovs>,
+    through: Through,
     spp: u32,
     seed: u64,
     progress: &(dyn Fn(f32) + Sync),
@@ -55,6 +65,7 @@ pub fn path_trace(
     let tracer = PathTracer {
         scene,
         camera: Camera::new(&scene.scene().camera, size),
+        through,
         lights: LightSampler::new(&scene.scene().emitters),
         spp,
         seed: fold_seed(seed, SEED_PURPOSE),
@@ -77,6 +88,7 @@ pub fn path_trace(
 struct PathTracer<'a> {
     scene: &'a TracedScene,
     camera: Camera,
+    through: Through,
     lights: LightSampler,
     spp: u32,
     seed: u32,
@@ -84,13 +96,22 @@ struct PathTracer<'a> {
 
 impl PathTracer<'_> {
     fn pixel(&self, x: u32, y: u32) -> PathRadiance {
-        let direction = self.camera.direction(x as f32 + 0.5, y as f32 + 0.5);
-        let Some(first) = self.scene.nearest(self.camera.eye(), direction) else {
-            return PathRadiance::default();
+        let first = |place: Vec2| {
+            let direction = self.camera.direction(x as f32 + place.x, y as f32 + place.y);
+            self.scene.nearest(self.camera.eye(), direction)
         };
+        let centre = first(Vec2::splat(0.5));
         let seed = hash(hash(self.seed, x), y);
+        let places = hash(seed, 1);
         let (mut direct, mut indirect) = (DVec3::ZERO, DVec3::ZERO);
         for index in 0..self.spp {
+            let first = match self.through {
+                Through::Centre => centre,
+                Through::WholePixel => first(Stream::new(index, places).next_2d()),
+            };
+            let Some(first) = first else {
+                continue;
+            };
             let sample = self.path(first, Stream::new(index, seed));
             direct += sample.direct.as_dvec3();
             indirect += sample.indirect.as_dvec3();

@@ -6,7 +6,9 @@
 //! union of consecutive groups and any beginning of a group, is spread evenly over the image.
 //!
 //! Within a group the order is cut into chunks. Inside a chunk the pixels follow a Morton curve, since
-//! rays to near pixels traced together are two to four times as fast as rays to pixels far apart.
+//! rays to near pixels traced together are two to four times as fast as rays to pixels far apart. The
+//! progressive algorithm, which comes to every pixel many times, orders the whole group so: the pixels of
+//! a chunk are then as near as a group allows.
 
 use rayon::prelude::*;
 
@@ -22,6 +24,8 @@ const RAYS_PER_CHUNK: usize = 16_384;
 const CHUNK_STEP: usize = 16;
 /// Largest chunk: a stopped task loses at most what it has not finished of one chunk.
 const CHUNK_MAX: usize = 1_024;
+/// Largest chunk of the progressive algorithm, whose tasks take several passes over each.
+const CHUNK_MAX_PROGRESSIVE: usize = 256;
 
 /// The division of an image into groups.
 #[derive(Debug, Clone)]
@@ -43,7 +47,11 @@ impl PixelGroups {
         for group in 0..groups {
             let (head, tail) =
                 rest.split_at_mut(group_start(count, groups, group + 1) - group_start(count, groups, group));
-            chunks.extend(head.chunks_mut(chunk_pixels));
+            let sorted = match settings.algorithm {
+                Algorithm::Progressive => head.len().max(1),
+                _ => chunk_pixels,
+            };
+            chunks.extend(head.chunks_mut(sorted));
             rest = tail;
         }
         let width = settings.size.width;
@@ -99,6 +107,12 @@ impl PixelGroups {
     }
 }
 
+/// Chunks of one group, on the average: what a stopped task may be cut into.
+pub fn chunks_per_group(settings: &Settings) -> f64 {
+    let pixels = settings.size.pixel_count() as f64 / f64::from(settings.groups);
+    (pixels / chunk_pixels(settings) as f64).max(1.0)
+}
+
 /// Sets the scrambling of pixel groups apart from that of light.
 const SEED_PURPOSE: u32 = 0x6772_6f75;
 
@@ -109,11 +123,15 @@ fn group_start(pixels: usize, groups: usize, group: usize) -> usize {
 
 fn chunk_pixels(settings: &Settings) -> usize {
     let rays_per_pixel = match settings.algorithm {
-        Algorithm::Component => settings.vpls_per_set(),
+        Algorithm::Component | Algorithm::Progressive => settings.vpls_per_set(),
         Algorithm::Straightforward => settings.spp + settings.vpls,
     };
     let pixels = RAYS_PER_CHUNK / rays_per_pixel as usize;
-    pixels.clamp(CHUNK_STEP, CHUNK_MAX).next_multiple_of(CHUNK_STEP)
+    let max = match settings.algorithm {
+        Algorithm::Progressive => CHUNK_MAX_PROGRESSIVE,
+        _ => CHUNK_MAX,
+    };
+    pixels.clamp(CHUNK_STEP, max).next_multiple_of(CHUNK_STEP)
 }
 
 /// All pixels of the image in the order in which the sequence visits them.

@@ -2,9 +2,12 @@
 
 use crate::scene::ImageSize;
 
-/// Which of the paper's two algorithms divides the work.
+/// How the work is divided into tasks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Algorithm {
+    /// A task is some passes of one component for one pixel group; each pass looks through another place
+    /// of each pixel, and neighbouring groups see different VPL sets.
+    Progressive,
     /// A task is one component of the light for one pixel group (section 3.2).
     Component,
     /// A task is all light of one pixel group (section 3.1).
@@ -29,7 +32,7 @@ pub struct Settings {
     pub size: ImageSize,
     /// Number of pixel groups.
     pub groups: u32,
-    /// Light samples per pixel, that is passes of direct light.
+    /// Light samples per pixel, that is passes of direct light; progressive: passes of each component.
     pub spp: u32,
     /// Virtual point lights in all sets together.
     pub vpls: u32,
@@ -97,8 +100,8 @@ impl Settings {
             algorithm,
             size,
             groups: match algorithm {
-                Algorithm::Component => 64,
                 Algorithm::Straightforward => 2_048,
+                Algorithm::Component | Algorithm::Progressive => 64,
             },
             spp: 16,
             vpls: 256,
@@ -106,6 +109,21 @@ impl Settings {
             seed: 0,
             geometry_clamp: None,
             light_points: LightPoints::PerPass,
+        }
+    }
+
+    /// What the progressive algorithm does when nothing else is asked for.
+    pub fn progressive(size: ImageSize) -> Self {
+        Self {
+            algorithm: Algorithm::Progressive,
+            size,
+            groups: 16,
+            spp: 64,
+            vpls: 16_384,
+            vpl_sets: 1_024,
+            seed: 0,
+            geometry_clamp: None,
+            light_points: LightPoints::PerPixel,
         }
     }
 
@@ -165,10 +183,11 @@ mod tests {
     };
 
     #[test]
-    fn the_papers_settings_are_valid_for_both_algorithms() {
+    fn the_settings_of_every_algorithm_are_valid() {
         for algorithm in [Algorithm::Component, Algorithm::Straightforward] {
             Settings::paper(algorithm, SIZE).validate().unwrap();
         }
+        Settings::progressive(SIZE).validate().unwrap();
     }
 
     #[test]

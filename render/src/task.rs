@@ -26,7 +26,8 @@ impl Component {
     /// has no such component.
     pub fn tasks_per_group(self, settings: &Settings) -> u32 {
         match (settings.algorithm, self) {
-            (Algorithm::Component, Self::Direct) => settings.spp,
+            (Algorithm::Progressive, Self::Direct | Self::Indirect)
+            | (Algorithm::Component, Self::Direct) => settings.spp,
             (Algorithm::Component, Self::Indirect) => settings.vpl_sets,
             (Algorithm::Straightforward, Self::Full) => 1,
             _ => 0,
@@ -34,21 +35,34 @@ impl Component {
     }
 }
 
-/// One task. The light it yields depends on scene, settings and these three numbers alone.
+/// One task. The light it yields depends on scene, settings and these numbers alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Task {
     /// Which part of the light.
     pub component: Component,
     /// Which pixels.
     pub group: u32,
-    /// Direct: the light sample (pass). Indirect: the VPL set. Full: 0.
+    /// Direct: the light sample (pass). Indirect: the VPL set. Full: 0. Progressive: the first pass.
     pub index: u32,
+    /// Progressive: so many passes, added up; a power of two that divides `index`. Otherwise 1.
+    pub passes: u32,
 }
 
 impl Task {
     /// Whether a frame with these settings has this task.
     pub fn is_within(self, settings: &Settings) -> bool {
-        self.group < settings.groups && self.index < self.component.tasks_per_group(settings)
+        let is_span = match settings.algorithm {
+            Algorithm::Progressive => self.passes.is_power_of_two() && self.index.is_multiple_of(self.passes),
+            _ => self.passes == 1,
+        };
+        let end = self.index.checked_add(self.passes);
+        let all = self.component.tasks_per_group(settings);
+        self.group < settings.groups && is_span && end.is_some_and(|end| end <= all)
+    }
+
+    /// Progressive: which half of the samples the task belongs to. Spans of equal length take turns.
+    pub fn half(self) -> usize {
+        (self.index / self.passes % 2) as usize
     }
 }
 

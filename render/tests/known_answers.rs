@@ -10,7 +10,7 @@ use render::{
     gbuffer::trace_aovs,
     image::Picture,
     intersect::{BruteForce, TracedScene},
-    path::path_trace,
+    path::{Through, path_trace},
     sample::{Stream, warp::cosine_direction},
     scene::ImageSize,
     settings::{Algorithm, LightPoints, Settings},
@@ -39,7 +39,14 @@ fn furnace() -> Arc<TracedScene> {
 }
 
 fn gold(scene: &TracedScene, spp: u32) -> Picture {
-    path_trace(scene, &Arc::new(trace_aovs(scene, SIZE)), spp, 0, &|_| ())
+    path_trace(
+        scene,
+        &Arc::new(trace_aovs(scene, SIZE)),
+        Through::Centre,
+        spp,
+        0,
+        &|_| (),
+    )
 }
 
 fn assert_near(what: &str, value: f32, expected: f32, relative: f32) {
@@ -191,6 +198,7 @@ fn a_stopped_task_gives_the_beginning_of_the_whole_one() {
         component: Component::Indirect,
         group: 0,
         index: 3,
+        passes: 1,
     };
     let whole = renderer.render(task, &mut || false);
     let mut asked = 0;

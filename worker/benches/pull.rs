@@ -198,6 +198,7 @@ async fn serve(listener: &TcpListener, total: u32) -> Duration {
                     component: Component::Direct,
                     group,
                     index: 0,
+                    passes: 1,
                 };
                 let tasks = (issued..issued + count).map(task).collect();
                 issued += count;

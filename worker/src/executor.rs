@@ -286,6 +286,7 @@ mod tests {
                     component: Component::Direct,
                     group,
                     index: 0,
+                    passes: 1,
                 },
                 stop: Arc::clone(&self.stop),
                 done: self.sender.clone(),

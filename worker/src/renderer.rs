@@ -44,7 +44,7 @@ pub trait Frame: Send + Sync + fmt::Debug {
 pub struct Output {
     /// The first so many pixels of the group were done.
     pub pixels: u32,
-    /// Their radiance per unit albedo, packed as the frame wants it.
+    /// Their radiance, packed as the frame wants it.
     pub radiance: Radiance,
     /// Camera rays traced.
     pub primary_rays: u64,

@@ -86,6 +86,7 @@ impl Frame for PreparedFrame {
 fn settings_of(wire: &wire::Settings) -> Settings {
     Settings {
         algorithm: match wire.algorithm {
+            wire::Algorithm::Progressive => Algorithm::Progressive,
             wire::Algorithm::Component => Algorithm::Component,
             wire::Algorithm::Straightforward => Algorithm::Straightforward,
         },
@@ -116,5 +117,6 @@ fn task_of(wire: protocol::Task) -> Task {
         component,
         group: wire.group,
         index: wire.index,
+        passes: wire.passes,
     }
 }

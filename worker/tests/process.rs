@@ -291,6 +291,7 @@ async fn a_task_has_the_same_bits_from_a_worker_as_from_the_renderer_here() {
         component: Component::Indirect,
         group,
         index,
+        passes: 1,
     };
     peer.assign(vec![direct(1, 2), indirect(3, 0)], None).await;
     for _ in 0..2 {
@@ -304,6 +305,7 @@ async fn a_task_has_the_same_bits_from_a_worker_as_from_the_renderer_here() {
             component,
             group,
             index,
+            passes: 1,
         };
         let expected = here.render(task, &mut || false);
         assert_eq!(result.pixels, expected.pixels_done);
@@ -338,6 +340,7 @@ async fn leaving_in_mid_task(signal: &str) -> Duration {
         component: Component::Indirect,
         group,
         index: 0,
+        passes: 1,
     };
     peer.assign((0..4).map(task).collect(), None).await;
     tokio::time::sleep(Duration::from_millis(300)).await;

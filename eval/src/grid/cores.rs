@@ -136,6 +136,7 @@ mod tests {
         component: Component::Direct,
         group: 0,
         index: 0,
+        passes: 1,
     };
     const COST: TaskCost = TaskCost {
         pixels: 100,

@@ -27,7 +27,7 @@ use super::{
     parameters::Parameters,
     simulate::{TaskCost, Workload},
 };
-use master::plan::TaskQueues;
+use master::plan::{Outlook, TaskQueues};
 
 /// Tasks that are rendered together: enough for all cores, few enough not to render many in vain.
 const BATCH: usize = 64;
@@ -104,7 +104,7 @@ impl PreparedScene {
 
     fn frame_of(&self, settings: Settings, points_per_pass: u32) -> anyhow::Result<VirtualFrame<'_>> {
         let mut queues = TaskQueues::new(&settings);
-        let order: Vec<Task> = std::iter::from_fn(|| queues.next_task()).collect();
+        let order: Vec<Task> = std::iter::from_fn(|| queues.next_task(&Outlook::default())).collect();
         let rendered = Settings {
             spp: settings.spp * points_per_pass,
             ..settings

@@ -311,7 +311,13 @@ impl<'a> Simulation<'a> {
                     pixels if pixels < self.workload.cost(task).pixels => Extent::Prefix,
                     _ => Extent::Whole,
                 };
-                self.decide(now, Event::Completed { worker, task, extent }, pixels);
+                let completed = Event::Completed {
+                    worker,
+                    task,
+                    extent,
+                    busy: Duration::ZERO,
+                };
+                self.decide(now, completed, pixels);
                 self.decide(now, request, 0);
             }
             ToMaster::Gone => self.decide(now, Event::WorkerLeft { worker }, 0),

@@ -322,7 +322,9 @@ impl<'a> Laboratory<'a> {
     fn attempt_of_run(&self, algorithm: usize, run: &Run) -> anyhow::Result<Attempt> {
         let picture = self.frames[algorithm].picture(results_of(run))?;
         let tasks = match ALGORITHMS[algorithm] {
-            Algorithm::Component => [Component::Direct, Component::Indirect].map(|c| run.completed(c)),
+            Algorithm::Component | Algorithm::Progressive => {
+                [Component::Direct, Component::Indirect].map(|c| run.completed(c))
+            }
             Algorithm::Straightforward => [run.completed(Component::Full), 0],
         };
         let partial = run.tallies.values().map(|tally| tally.partial).sum();
@@ -344,7 +346,7 @@ impl<'a> Laboratory<'a> {
                 .take(count as usize)
         };
         let first = match ALGORITHMS[algorithm] {
-            Algorithm::Component => Component::Direct,
+            Algorithm::Component | Algorithm::Progressive => Component::Direct,
             Algorithm::Straightforward => Component::Full,
         };
         let done = of(first, tasks[0]).chain(of(Component::Indirect, tasks[1]));
@@ -380,7 +382,9 @@ impl<'a> Laboratory<'a> {
                 coverage.indirect_reconstructed_percent,
             ],
             formula_percent: match ALGORITHMS[algorithm] {
-                Algorithm::Component => [direct_percent(tasks[0]), indirect_percent(tasks[1])],
+                Algorithm::Component | Algorithm::Progressive => {
+                    [direct_percent(tasks[0]), indirect_percent(tasks[1])]
+                }
                 Algorithm::Straightforward => [straightforward_percent(tasks[0]); 2],
             },
             scores: judgement.scores,

@@ -10,6 +10,9 @@ use crate::scene::ImageSize;
 /// Steps of the sums in one W·m⁻²·sr⁻¹: a sum may be 10⁻⁹ to 10¹⁰, and stays at the largest it can be.
 const STEPS: f64 = (1_u64 << 30) as f64;
 
+/// Every so many-th pixel is asked for its noise; the step has no factor in common with usual widths.
+const PILOT_STEP: usize = 97;
+
 /// Running sums of radiance, its albedo included, in two halves.
 #[derive(Debug, Clone)]
 pub struct HalfBuffers {
@@ -69,6 +72,30 @@ impl HalfBuffers {
     pub fn count(&self, pixel: usize) -> u32 {
         let [a, b] = &self.halves;
         a.counts[pixel].saturating_add(b.counts[pixel])
+    }
+
+    /// How noisy one sample is: its squared error, in shares of the squared mean, on the average over some
+    /// of the pixels that have samples in both halves; `None` where there are none.
+    ///
+    /// From the difference of both halves: within a half samples may have their error in common.
+    pub fn relative_variance(&self) -> Option<f64> {
+        let luminance = |light: DVec3| light.dot(DVec3::new(0.2126, 0.7152, 0.0722));
+        let [a, b] = &self.halves;
+        let (mut sum, mut pixels) = (0.0, 0.0);
+        for pixel in (0..self.size.pixel_count()).step_by(PILOT_STEP) {
+            let (Some(mean_a), Some(mean_b)) = (a.mean(pixel), b.mean(pixel)) else {
+                continue;
+            };
+            // The difference is as noisy as the mean of so many samples.
+            let samples = 1.0 / (1.0 / f64::from(a.count(pixel)) + 1.0 / f64::from(b.count(pixel)));
+            let (light_a, light_b) = (luminance(mean_a), luminance(mean_b));
+            let mean = 0.5 * (light_a + light_b);
+            if mean > 0.0 {
+                sum += samples * ((light_a - light_b) / mean).powi(2);
+            }
+            pixels += 1.0;
+        }
+        (pixels > 0.0).then(|| sum / pixels)
     }
 
     /// The mean of all samples at a pixel; `None` where there are none.

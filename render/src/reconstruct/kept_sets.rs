@@ -18,6 +18,10 @@ pub struct Coverage {
     pub open_sets: u32,
     /// Open sets that were left out for having too little.
     pub dropped_sets: u32,
+    /// Samples of direct light per pixel, on the average.
+    pub direct_samples: f64,
+    /// VPL sets per pixel, on the average.
+    pub indirect_samples: f64,
 }
 
 /// The sets whose buffers are averaged.
@@ -53,17 +57,22 @@ impl KeptSets {
         let missing_percent = |samples: &[u32]| {
             100.0 * samples.iter().filter(|&&count| count == 0).count() as f64 / samples.len() as f64
         };
+        let mean = |samples: &[u32]| {
+            samples.iter().map(|&count| u64::from(count)).sum::<u64>() as f64 / samples.len() as f64
+        };
         let open_sets = self.open.len() as u32;
         let indirect_missing = match settings.algorithm {
             Algorithm::Straightforward => missing_percent(indirect),
-            Algorithm::Component if self.open.is_empty() => 100.0,
-            Algorithm::Component => 100.0 - 100.0 * self.open.iter().sum::<f64>() / f64::from(open_sets),
+            _ if self.open.is_empty() => 100.0,
+            _ => 100.0 - 100.0 * self.open.iter().sum::<f64>() / f64::from(open_sets),
         };
         Coverage {
             direct_reconstructed_percent: missing_percent(direct),
             indirect_reconstructed_percent: indirect_missing,
             open_sets,
             dropped_sets: open_sets - self.sets.len() as u32,
+            direct_samples: mean(direct),
+            indirect_samples: mean(indirect),
         }
     }
 }

@@ -8,6 +8,7 @@ mod complete;
 pub mod guided;
 mod kept_sets;
 mod nearest;
+mod passes;
 
 pub use kept_sets::Coverage;
 pub use nearest::nearest_known;
@@ -51,6 +52,9 @@ pub fn assemble(
     method: Reconstruction,
     min_set_percent: f32,
 ) -> Picture {
+    if let Some(buffers) = buffers.passes() {
+        return passes::assemble(buffers, aovs, method);
+    }
     buffers.settle();
     let kept = KeptSets::choose(buffers, min_set_percent);
     let alike = average_alike(buffers, &kept.sets);
@@ -61,7 +65,7 @@ pub fn assemble(
         method,
     };
     let (direct, indirect) = match buffers.settings().algorithm {
-        Algorithm::Component => rayon::join(
+        Algorithm::Component | Algorithm::Progressive => rayon::join(
             || vec![completion.direct(buffers.direct())],
             || {
                 let complete = |alike: &Alike| Some(completion.sets(buffers.set(alike.set)?, alike.count));

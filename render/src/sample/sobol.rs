@@ -16,16 +16,21 @@ pub fn point_bits(index: u32, seed: u32) -> [u32; 2] {
 }
 
 /// The second Sobol dimension: Pascal's triangle modulo 2 applied to the bits of `index`.
+///
+/// By Lucas' theorem bit j of the result is the sum of the bits k of which j is a submask: one step for
+/// each of the five bits that number them.
 fn second_dimension(index: u32) -> u32 {
-    let (mut bits, mut column, mut rest) = (0, 1 << 31, index);
-    while rest != 0 {
-        if rest & 1 == 1 {
-            bits ^= column;
-        }
-        column ^= column >> 1;
-        rest >>= 1;
+    let mut bits = index;
+    for (shift, lower) in [
+        (1, 0x5555_5555),
+        (2, 0x3333_3333),
+        (4, 0x0f0f_0f0f),
+        (8, 0x00ff_00ff),
+        (16, 0x0000_ffff),
+    ] {
+        bits ^= (bits >> shift) & lower;
     }
-    bits
+    bits.reverse_bits()
 }
 
 /// Nested uniform scrambling: each bit is flipped or not depending on `seed` and the bits above it.
@@ -64,6 +69,13 @@ impl Stream {
     /// Starts at the first dimension of the `index`-th sample.
     pub fn new(index: u32, seed: u32) -> Self {
         Self { index, seed, pair: 0 }
+    }
+
+    /// Leaves out so many pairs of dimensions.
+    #[must_use]
+    pub fn skip(mut self, pairs: u32) -> Self {
+        self.pair += pairs;
+        self
     }
 
     /// The next two dimensions, each in [0, 1).

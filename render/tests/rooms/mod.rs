@@ -130,11 +130,15 @@ pub(crate) fn all_tasks(settings: &Settings) -> Vec<Task> {
                 component,
                 group,
                 index,
+                passes: 1,
             })
         })
     };
     match settings.algorithm {
         Algorithm::Straightforward => tasks(Component::Full, 1).collect(),
+        Algorithm::Progressive => tasks(Component::Direct, settings.spp)
+            .chain(tasks(Component::Indirect, settings.spp))
+            .collect(),
         Algorithm::Component => tasks(Component::Direct, settings.spp)
             .chain(tasks(Component::Indirect, settings.vpl_sets))
             .collect(),

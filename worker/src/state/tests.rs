@@ -27,6 +27,7 @@ fn task(group: u32) -> Task {
         component: Component::Direct,
         group,
         index: 0,
+        passes: 1,
     }
 }
 

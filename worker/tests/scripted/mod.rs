@@ -232,6 +232,7 @@ pub(crate) fn direct(group: u32, index: u32) -> Task {
         component: Component::Direct,
         group,
         index,
+        passes: 1,
     }
 }
 

@@ -169,6 +169,7 @@ pub(super) fn by_name(scores: &Scores) -> BTreeMap<String, f64> {
 /// An algorithm as the master's flag has it.
 pub(super) fn name(algorithm: Algorithm) -> &'static str {
     match algorithm {
+        Algorithm::Progressive => "progressive",
         Algorithm::Component => "component",
         Algorithm::Straightforward => "straightforward",
     }

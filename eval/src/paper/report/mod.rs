@@ -229,6 +229,7 @@ fn name(row: &RowResult) -> String {
 
 fn algorithm_name(algorithm: Algorithm) -> &'static str {
     match algorithm {
+        Algorithm::Progressive => "progressive",
         Algorithm::Component => "component-based",
         Algorithm::Straightforward => "straightforward",
     }
