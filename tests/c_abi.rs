@@ -58,6 +58,7 @@ fn light_of_the_task() -> Vec<u8> {
         component: Component::Indirect,
         group: 5,
         index: 2,
+        passes: 1,
     };
     let light = frame.render(task, &mut || false).radiance;
     light.into_iter().flat_map(f32::to_le_bytes).collect()

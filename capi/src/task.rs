@@ -63,6 +63,7 @@ pub unsafe extern "C" fn gridlight_task_new(
             component: self::component(component)?,
             group,
             index,
+            passes: 1,
         };
         output.give(Task::new(frame, id)?);
         Ok(())

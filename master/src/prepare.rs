@@ -144,7 +144,9 @@ fn prepare(job: &Job, clock: Clock, tell: impl Fn(Ready) + Sync) -> Result<(), F
         let half_time = job.deadline.map(|deadline| deadline.elapsed() / 2);
         let stop = || half_time.is_some_and(|half_time| clock.now().elapsed() > half_time);
         let smooth = threads.install(|| antialias_aovs(&scene, &aovs, aov_samples(job), &stop));
-        smooth.map(|smooth| tell(Ready::Aovs(Arc::new(smooth))));
+        if let Some(smooth) = smooth {
+            tell(Ready::Aovs(Arc::new(smooth)));
+        }
     }
     Ok(())
 }

@@ -34,7 +34,8 @@ const COST_NEW: f64 = 0.125;
 #[derive(Debug, Clone)]
 pub(super) struct Passes {
     groups: u32,
-    passes: u32,
+    /// Of each component, in all.
+    count: u32,
     chunks_per_group: f64,
     sweeps: [Sweep; 2],
     /// Lost and to be handed out again.
@@ -66,7 +67,7 @@ impl Passes {
         };
         Self {
             groups: settings.groups,
-            passes: settings.spp,
+            count: settings.spp,
             chunks_per_group: chunks_per_group(settings),
             sweeps: [Component::Direct, Component::Indirect].map(sweep),
             returned: VecDeque::new(),
@@ -77,13 +78,13 @@ impl Passes {
         if let Some(task) = self.returned.pop_front() {
             return Some(task);
         }
-        let open = self.sweeps.iter().filter(|sweep| sweep.first < self.passes);
+        let open = self.sweeps.iter().filter(|sweep| sweep.first < self.count);
         let next = open
             .max_by(|a, b| self.urgency(a).total_cmp(&self.urgency(b)))?
             .component;
         let Self {
             groups,
-            passes,
+            count,
             chunks_per_group,
             ..
         } = *self;
@@ -99,7 +100,7 @@ impl Passes {
             sweep.group = 0;
             sweep.first += sweep.span;
             let wanted = sweep.span_wanted(outlook, groups, chunks_per_group);
-            sweep.span = sweep.span_possible(wanted, passes - sweep.first);
+            sweep.span = sweep.span_possible(wanted, count - sweep.first);
         }
         Some(task)
     }
@@ -122,11 +123,11 @@ impl Passes {
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.returned.is_empty() && self.sweeps.iter().all(|sweep| sweep.first >= self.passes)
+        self.returned.is_empty() && self.sweeps.iter().all(|sweep| sweep.first >= self.count)
     }
 
     pub(super) fn totals(&self) -> BTreeMap<Component, u32> {
-        let total = self.groups.saturating_mul(self.passes);
+        let total = self.groups.saturating_mul(self.count);
         self.sweeps.iter().map(|sweep| (sweep.component, total)).collect()
     }
 
