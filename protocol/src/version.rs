@@ -7,7 +7,7 @@ pub const MAGIC: &str = "gridlight";
 
 /// The protocol's version. It rises when one side would misunderstand the other; a new field that
 /// has a default does not raise it. The layouts of `hello` and `refused` never change.
-pub const PROTOCOL: u32 = 3;
+pub const PROTOCOL: u32 = 4;
 
 /// Whether this worker may join, or the text of the refusal. `version` is the master's own
 /// program version; people need both to know which side to update.
@@ -48,7 +48,7 @@ mod tests {
     #[test]
     fn a_refusal_names_both_versions() {
         let refusal = check(&hello(MAGIC, 99), "0.1.0").unwrap_err();
-        for part in ["0.0.9", "protocol 99", "0.1.0", "(protocol 3)"] {
+        for part in ["0.0.9", "protocol 99", "0.1.0", "(protocol 4)"] {
             assert!(refusal.contains(part), "{part} is missing in: {refusal}");
         }
     }
