@@ -25,6 +25,8 @@ const TASK_TIME_S: f64 = 0.1;
 const CHUNK_TIME_S: f64 = 0.004;
 /// So many sweeps as long as the next one must still fit before the cut-off.
 const SWEEPS_LEFT: f64 = 4.0;
+/// Most passes in a task.
+const SPAN_MAX: u32 = 64;
 /// Passes in a task when time is of no importance, so that each frame has the same tasks.
 const SPAN_WITHOUT_DEADLINE: u32 = 8;
 /// What a new measurement of the cost counts beside those before.
@@ -175,7 +177,7 @@ impl Sweep {
     /// The longest span that is not longer than that, nor than what is left, and begins a new pair or ends
     /// the present one.
     fn span_possible(&self, wanted: u32, left: u32) -> u32 {
-        let mut span = 1 << wanted.max(1).ilog2();
+        let mut span = 1 << wanted.clamp(1, SPAN_MAX).ilog2();
         let fits = |span: u32| {
             let begins = self.first.is_multiple_of(2 * span);
             let ends = span == self.span && self.first.is_multiple_of(span);
@@ -257,9 +259,9 @@ mod tests {
         let longest = |tasks: &[Task]| tasks.iter().map(|task| task.passes).max();
         assert_eq!(longest(&tasks), Some(32));
         assert!(
-            longest(&tasks[tasks.len() - 20..]) < Some(8),
+            longest(&tasks[tasks.len() - 10..]) < Some(4),
             "{:?}",
-            &tasks[tasks.len() - 20..]
+            &tasks[tasks.len() - 10..]
         );
     }
 
