@@ -123,33 +123,38 @@ fn follow_row(
     }
 }
 
-/// Writes down what some pixels have to say about both sides of the fraction's bar.
+/// Writes down what some pixels have to say about both sides of the fraction's bar. A pixel with samples in
+/// one half only has nothing to hold against the filter: it votes for the whole way, lest the few that have
+/// both, perhaps lit by the same lights, decide for all.
 ///
 /// `before` and `after` are rows of red, green, blue and weight of both halves.
 #[inline(always)]
 fn weigh([above, below]: &mut [Vec<f32>; 2], begin: usize, before: &[&[f32]; 8], after: &[&[f32]; 8]) {
-    let [mut products, mut squares] = [[0.0; LANES]; 2];
+    let [mut products, mut squares_a, mut squares_b] = [[0.0; LANES]; 3];
     for channel in 0..3 {
-        let (a, b) = (
-            lanes::<LANES>(before[channel], begin),
-            lanes::<LANES>(before[channel + 4], begin),
-        );
-        let (filtered_a, filtered_b) = (
-            lanes::<LANES>(after[channel], begin),
-            lanes::<LANES>(after[channel + 4], begin),
-        );
+        let [a, b, filtered_a, filtered_b] = [
+            before[channel],
+            before[channel + 4],
+            after[channel],
+            after[channel + 4],
+        ]
+        .map(|row| lanes::<LANES>(row, begin));
         for i in 0..LANES {
             let (change_a, change_b) = (filtered_a[i] - a[i], filtered_b[i] - b[i]);
             products[i] += (b[i] - a[i]) * (change_a - change_b);
-            squares[i] += change_a * change_a + change_b * change_b;
+            squares_a[i] += change_a * change_a;
+            squares_b[i] += change_b * change_b;
         }
     }
-    let (count_a, count_b) = (lanes::<LANES>(before[3], begin), lanes::<LANES>(before[7], begin));
+    let (weight_a, weight_b) = (lanes::<LANES>(before[3], begin), lanes::<LANES>(before[7], begin));
     let (above, below) = (lanes_mut::<LANES>(above, begin), lanes_mut::<LANES>(below, begin));
     for i in 0..LANES {
-        let weight = count_a[i] * count_b[i];
-        above[i] = weight * products[i];
-        below[i] = weight * squares[i];
+        let is_a = if weight_a[i] > HEARSAY { 1.0 } else { 0.0 };
+        let is_b = if weight_b[i] > HEARSAY { 1.0 } else { 0.0 };
+        let both = is_a * is_b;
+        let alone = (is_a - both) * squares_a[i] + (is_b - both) * squares_b[i];
+        above[i] = both * products[i] + alone;
+        below[i] = both * (squares_a[i] + squares_b[i]) + alone;
     }
 }
 

@@ -220,6 +220,25 @@ fn holes_are_filled_from_the_same_surface_or_stay_open() {
     assert!(none.filtered(LEVELS).iter().all(|light| light.is_nan()));
 }
 
+/// As when the deadline falls into the second pass.
+#[test]
+fn a_second_half_of_few_pixels_does_not_stop_the_filter() {
+    let mut wall = Wall::new(GREY);
+    for pixel in 0..SIZE.pixel_count() {
+        let (x, y) = (pixel % 96, pixel / 96);
+        let light = GREY * noise(x, y, 0);
+        for buffers in [&mut wall.direct, &mut wall.indirect] {
+            buffers.add(0, &[pixel as u32], &[light.to_array()], 1);
+            // Some pixels, which see the same as before.
+            if (x + 3 * y) % 8 == 0 {
+                buffers.add(1, &[pixel as u32], &[light.to_array()], 1);
+            }
+        }
+    }
+    let (noisy, filtered) = (wall.unfiltered(), wall.filtered(LEVELS));
+    assert!(rms(&filtered, |_| 0.5) < 0.4 * rms(&noisy, |_| 0.5));
+}
+
 #[test]
 fn any_light_and_any_surface_give_finite_light() {
     let mut wall = Wall::new(GREY);
