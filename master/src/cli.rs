@@ -169,7 +169,7 @@ pub struct RenderArgs {
     )]
     pub integrator: Option<Integrator>,
 
-    /// How missing pixels are filled in [default: nearest]
+    /// How the picture is made of what has come [default: guided; --paper and its algorithms: nearest]
     #[arg(long, value_name = "NAME", help_heading = "Work")]
     pub reconstruction: Option<ReconstructionName>,
 
@@ -238,6 +238,10 @@ pub enum Integrator {
 /// See [`render::reconstruct::Reconstruction`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ReconstructionName {
+    /// All light averaged along surfaces, as far as its noise asks for it
+    Guided,
+    /// The same, less far and in half the time
+    Quick,
     /// With the nearest pixel that has data, each buffer by itself
     Nearest,
     /// Not at all: missing pixels are black

@@ -109,9 +109,13 @@ impl Job {
             integrator: args.integrator.unwrap_or(Integrator::Vpl),
             paper: args.paper,
             overrides: if args.paper { overrides(args) } else { Vec::new() },
-            reconstruction: match args.reconstruction {
-                None | Some(ReconstructionName::Nearest) => Reconstruction::Nearest,
-                Some(ReconstructionName::None) => Reconstruction::None,
+            reconstruction: match (args.reconstruction, workload.algorithm) {
+                (Some(ReconstructionName::Guided), _) | (None, Algorithm::Progressive) => {
+                    Reconstruction::Guided
+                }
+                (Some(ReconstructionName::Quick), _) => Reconstruction::Quick,
+                (Some(ReconstructionName::Nearest), _) | (None, _) => Reconstruction::Nearest,
+                (Some(ReconstructionName::None), _) => Reconstruction::None,
             },
             min_set_percent: args.min_set_percent.unwrap_or(MIN_SET_PERCENT_DEFAULT),
             exposure_stops: args.exposure,

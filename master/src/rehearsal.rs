@@ -5,14 +5,16 @@
 
 use std::{path::Path, sync::Arc, time::Duration};
 
+use glam::Vec3;
 use rayon::ThreadPool;
 use render::{
     buffer::FrameBuffers,
+    camera::Camera,
     gbuffer::Aovs,
     image::Picture,
     pixel_group::PixelGroups,
     reconstruct::Reconstruction,
-    scene::ImageSize,
+    scene::{CameraPose, ImageSize},
     settings::{Algorithm, Settings},
 };
 
@@ -39,6 +41,13 @@ const PIXELS_MIN: f64 = 65_536.0;
 const DONE_SHARE: f64 = 0.45;
 /// Results at the end that cover a part of their pixels.
 const CUT_TASKS: usize = 4;
+/// A view of no interest.
+const POSE: CameraPose = CameraPose {
+    eye: Vec3::ZERO,
+    look_at: Vec3::X,
+    up: Vec3::Y,
+    vertical_fov_degrees: 45.0,
+};
 /// Light of no interest.
 const LIGHT: f32 = 0.5;
 /// Freeing a mebibyte of a file that is replaced, on an ordinary machine.
@@ -54,6 +63,7 @@ pub struct Rehearsal {
     settings: Settings,
     groups: Arc<PixelGroups>,
     aovs: Arc<Aovs>,
+    method: Reconstruction,
     files: PictureFiles,
     clock: Clock,
 }
@@ -73,12 +83,14 @@ impl Rehearsal {
             groups: Arc::new(PixelGroups::new(&settings)),
             aovs: Arc::new(Aovs {
                 size: settings.size,
-                albedo: vec![glam::Vec3::splat(LIGHT); count],
-                normal: vec![glam::Vec3::X; count],
+                camera: Camera::new(&POSE, settings.size),
+                albedo: vec![Vec3::splat(LIGHT); count],
+                normal: vec![Vec3::X; count],
                 depth: vec![1.0; count],
-                emission: vec![glam::Vec3::ZERO; count],
+                emission: vec![Vec3::ZERO; count],
             }),
             settings,
+            method: job.reconstruction,
             files: job.files.clone(),
             clock,
         }
@@ -164,7 +176,7 @@ impl Rehearsal {
         Material {
             buffers,
             aovs: Arc::clone(&self.aovs),
-            method: Reconstruction::Nearest,
+            method: self.method,
             min_set_percent: 0.0,
         }
     }

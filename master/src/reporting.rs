@@ -115,6 +115,8 @@ pub fn workload(settings: &Settings) -> String {
 /// As on the command line.
 pub fn reconstruction_name(reconstruction: Reconstruction) -> &'static str {
     match reconstruction {
+        Reconstruction::Guided => "guided",
+        Reconstruction::Quick => "quick",
         Reconstruction::Nearest => "nearest",
         Reconstruction::None => "none",
     }

@@ -133,6 +133,8 @@ impl Footprint {
 pub struct Aovs {
     /// Picture size.
     pub size: ImageSize,
+    /// The eye, and where each pixel looks.
+    pub camera: Camera,
     /// Diffuse albedo per channel; 0 where nothing is seen.
     pub albedo: Vec<Vec3>,
     /// Unit shading normals, world space, towards the eye; 0 where nothing is seen.
@@ -148,6 +150,7 @@ pub fn trace_aovs(scene: &TracedScene, size: ImageSize) -> Aovs {
     let count = size.pixel_count();
     let mut aovs = Aovs {
         size,
+        camera: Camera::new(&scene.scene().camera, size),
         // Pages of memory are taken by the threads that fill them.
         albedo: zeroed_vec(count),
         normal: zeroed_vec(count),

@@ -148,8 +148,10 @@ impl Completion<'_> {
             return Missing::Nothing;
         }
         match self.method {
-            Reconstruction::Nearest => nearest_known(&known, self.aovs.size)
-                .map_or_else(|| Missing::LeftOut(known), Missing::CopiedFrom),
+            Reconstruction::Guided | Reconstruction::Quick | Reconstruction::Nearest => {
+                nearest_known(&known, self.aovs.size)
+                    .map_or_else(|| Missing::LeftOut(known), Missing::CopiedFrom)
+            }
             Reconstruction::None => Missing::LeftOut(known),
         }
     }

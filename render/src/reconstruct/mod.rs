@@ -30,6 +30,11 @@ use kept_sets::KeptSets;
 /// How pixels without data are filled in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reconstruction {
+    /// All light is averaged along the surfaces, as far as its noise asks for it ([`guided`]). The buffers of
+    /// the paper's algorithms have nothing to tell the noise by: they are filled in by `Nearest`.
+    Guided,
+    /// The same, not as far: for half of the time.
+    Quick,
     /// With the value of the nearest pixel that has data, in each buffer by itself (section 3.1.1).
     Nearest,
     /// Not at all: they stay black, so that one can see what was missing.

@@ -1,10 +1,11 @@
-//! The picture of the progressive algorithm: the mean of all samples, and what is missing from near pixels.
+//! The picture of the progressive algorithm: the mean of all samples, filtered or not, and what is missing
+//! from near pixels.
 
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{BAND_ROWS, Coverage, Reconstruction, nearest_known};
+use super::{BAND_ROWS, Coverage, Reconstruction, guided::Guided, nearest_known};
 use crate::{
     buffer::{HalfBuffers, PassBuffers},
     gbuffer::Aovs,
@@ -19,22 +20,39 @@ pub(super) fn assemble(buffers: &PassBuffers, aovs: &Arc<Aovs>, method: Reconstr
         halves,
         aovs,
     });
+    let guided = levels(method).map(|levels| Guided::new([direct.halves, indirect.halves], aovs, levels));
+    let width = aovs.size.width as usize;
     let mut picture = Picture::from_rows(aovs, BAND_ROWS, |rows| {
-        for (filled, light, samples) in [
+        let components = [
             (&direct, rows.direct, rows.samples_direct),
             (&indirect, rows.indirect, rows.samples_indirect),
-        ] {
-            for (pixel, (light, samples)) in (rows.first..).zip(light.iter_mut().zip(samples)) {
-                *samples = filled.halves.count(pixel);
-                // Where the eye meets nothing there is no light to copy from a neighbour.
-                if *samples > 0 || aovs.depth[pixel].is_finite() {
-                    *light = filled.light(pixel);
+        ];
+        for (component, (filled, light, samples)) in components.into_iter().enumerate() {
+            let lines = light.chunks_mut(width).zip(samples.chunks_mut(width));
+            for (y, (light, samples)) in (rows.first / width..).zip(lines) {
+                let mut guided = guided.as_ref().map(|guided| guided.light(component, y));
+                for (pixel, (light, samples)) in (y * width..).zip(light.iter_mut().zip(samples)) {
+                    let filtered = guided.as_mut().and_then(|row| row.next().flatten());
+                    *samples = filled.halves.count(pixel);
+                    // Where the eye meets nothing there is no light to copy from a neighbour.
+                    if *samples > 0 || aovs.depth[pixel].is_finite() {
+                        *light = filtered.unwrap_or_else(|| filled.light(pixel));
+                    }
                 }
             }
         }
     });
     picture.coverage = coverage(&picture.samples_direct, &picture.samples_indirect);
     picture
+}
+
+/// Levels of the guided filter: more of them average over light that differs too much.
+fn levels(method: Reconstruction) -> Option<u32> {
+    match method {
+        Reconstruction::Guided => Some(4),
+        Reconstruction::Quick => Some(2),
+        Reconstruction::Nearest | Reconstruction::None => None,
+    }
 }
 
 /// The light of one component, complete as far as that can be.

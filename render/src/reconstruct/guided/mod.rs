@@ -21,7 +21,7 @@ mod surface;
 use glam::Vec3;
 
 use self::{blend::Blend, irradiance::Irradiance, level::Filtered, surface::Surfaces};
-use crate::{buffer::HalfBuffers, camera::Camera, gbuffer::Aovs};
+use crate::{buffer::HalfBuffers, gbuffer::Aovs};
 
 /// Light of both components, complete as far as near pixels of the same surface know it.
 #[derive(Debug)]
@@ -37,8 +37,8 @@ impl<'a> Guided<'a> {
 
     /// Filters direct and indirect light through so many levels, with all cores. The time it takes depends
     /// on the number of pixels and levels alone.
-    pub fn new(components: [&'a HalfBuffers; 2], aovs: &'a Aovs, camera: &Camera, levels: u32) -> Self {
-        let surfaces = Surfaces::new(aovs, camera);
+    pub fn new(components: [&'a HalfBuffers; 2], aovs: &'a Aovs, levels: u32) -> Self {
+        let surfaces = Surfaces::new(aovs);
         let mut irradiance = Irradiance::new(components, aovs);
         let mut filtered = Filtered::new(surfaces.layout());
         let mut blend = Blend::new(surfaces.layout());

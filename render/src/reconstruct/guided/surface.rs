@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 use super::planes::{BLOCK, Layout, MARGIN, Planes, lanes};
-use crate::{camera::Camera, gbuffer::Aovs};
+use crate::gbuffer::Aovs;
 
 /// Weight of the squared difference of two normals: 1/8 of the weight is left at an angle of 33°.
 const NORMAL_WEIGHT: f32 = 2.0;
@@ -23,9 +23,9 @@ pub(super) struct Surfaces {
 }
 
 impl Surfaces {
-    pub(super) fn new(aovs: &Aovs, camera: &Camera) -> Self {
+    pub(super) fn new(aovs: &Aovs) -> Self {
         let mut planes = Planes::zeros(Layout::new(aovs.size));
-        let width = aovs.size.width as usize;
+        let (camera, width) = (&aovs.camera, aovs.size.width as usize);
         planes.par_rows_mut().enumerate().for_each(|(y, mut row)| {
             for (x, pixel) in (y * width..(y + 1) * width).enumerate() {
                 let depth = aovs.depth[pixel];

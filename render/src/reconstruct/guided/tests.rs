@@ -36,6 +36,7 @@ impl Wall {
         Self {
             aovs: Aovs {
                 size: SIZE,
+                camera,
                 albedo: vec![albedo; pixels],
                 normal: vec![-Vec3::Z; pixels],
                 depth: (0..pixels).map(depth).collect(),
@@ -61,7 +62,7 @@ impl Wall {
     }
 
     fn filtered(&self, levels: u32) -> Vec<Vec3> {
-        let guided = Guided::new([&self.direct, &self.indirect], &self.aovs, &camera(), levels);
+        let guided = Guided::new([&self.direct, &self.indirect], &self.aovs, levels);
         let [direct, indirect] = [0, 1].map(|component| -> Vec<_> {
             (0..SIZE.height as usize)
                 .flat_map(|y| guided.light(component, y))
