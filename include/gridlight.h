@@ -536,6 +536,15 @@ gridlight_result gridlight_worker_set_slots(gridlight_worker *worker, uint32_t s
 gridlight_result gridlight_worker_set_name(gridlight_worker *worker, const char *name);
 
 /**
+ * Reads the key of the grid, the same as the master's: only a master that has it is believed. Without
+ * one, only a master that has none lets the worker join.
+ *
+ * @param worker The worker, which is not started yet.
+ * @param path The key file; nobody but the user who runs this program may be able to read it.
+ */
+gridlight_result gridlight_worker_set_key_file(gridlight_worker *worker, const char *path);
+
+/**
  * Starts a worker and returns at once. It keeps trying until a master is there, works for it, and looks
  * for the next when that is gone. Signals are left alone, and nothing is printed.
  *

@@ -6,9 +6,11 @@
 use std::{net::SocketAddr, time::Duration};
 
 use gridlight::{
+    key::KeyFile,
     master::{Finished, Master, Running},
     oiio::{assert_finite, pixel_hash},
     peer::{Peer, PeerFrame, hello},
+    programs::allow_open_files,
     worker::Worker,
 };
 use protocol::{
@@ -16,6 +18,7 @@ use protocol::{
     envelope::encode,
     limits,
     message::{Hello, Message as _, Pong, Request, TaskResult},
+    secure::Caller,
 };
 
 const WORK: &str = "--paper --size 128x96 --vpls 64 --vpl-sets 4 --spp 4 --local-slots 0";
@@ -30,11 +33,17 @@ fn start(flags: &str) -> Running {
 /// as without the others.
 #[track_caller]
 fn assert_fine(master: Running) {
+    let worker = Worker::start("honest", master.address(), 2);
+    assert_fine_with(master, worker);
+}
+
+#[track_caller]
+fn assert_fine_with(master: Running, _honest: Worker) -> Finished {
     let deadline = Duration::from_secs(12);
-    let _worker = Worker::start("honest", master.address(), 2);
     let picture = master.finish();
     picture.assert_in_time(deadline);
     assert_undisturbed(&picture);
+    picture
 }
 
 #[track_caller]
@@ -151,12 +160,178 @@ fn who_does_not_begin_with_a_hello_is_refused() {
 }
 
 #[test]
-fn two_hundred_connections_at_once_keep_nobody_out() {
+fn a_name_of_a_megabyte_is_refused() {
+    let master = start(IN_TIME);
+    let name = [&b"\xdb\x00\x10\x00\x00"[..], &vec![b'x'; 1 << 20]].concat();
+    let hello = [&b"\x81\xa5hello\x81\xa4name"[..], &name].concat();
+    let envelope = [&(hello.len() as u32).to_be_bytes(), &hello[..]].concat();
+    refused(&master, master.address(), &envelope, "was announced");
+    assert_fine(master);
+}
+
+#[test]
+fn too_many_connections_from_one_address_keep_nobody_out_and_the_oldest_is_closed() {
     let master = start(IN_TIME);
     let address = master.address();
-    let crowd: Vec<Peer> = (0..200).map(|_| Peer::connect(address)).collect();
+    allow_open_files(2 * limits::STRANGERS_PER_ADDRESS);
+    let crowd: Vec<Peer> = (0..=limits::STRANGERS_PER_ADDRESS)
+        .map(|_| Peer::connect(address))
+        .collect();
+    master
+        .log
+        .wait_for(&["too many peers", "127.0.0.1", "limit=1024"]);
     assert_fine(master);
     drop(crowd);
+}
+
+/// A frame to which only those may come who have the key.
+fn start_with_key(key: &KeyFile) -> Running {
+    let flags = format!("{WORK} {IN_TIME}");
+    Master::new(&flags).flag("--key", key.path()).start()
+}
+
+/// Lets an honest worker with the key do the work; each of those before it must have had one line.
+#[track_caller]
+fn assert_fine_with_key(master: Running, key: &KeyFile, refusals: usize) {
+    let worker = Worker::start_with_key("honest", master.address(), 2, key.path());
+    let log = assert_fine_with(master, worker).log;
+    assert_eq!(log.matches("a peer was sent away").count(), refusals, "{log}");
+}
+
+/// What a master says to a peer whom it does not let in.
+#[track_caller]
+fn refusal(peer: Peer) -> String {
+    match peer.until_closed().as_slice() {
+        [ToWorker::Refused(refused)] => refused.reason.clone(),
+        other => panic!("no refusal: {other:?}"),
+    }
+}
+
+#[test]
+fn who_does_not_have_the_key_is_refused_with_one_line() {
+    let (key, other) = (KeyFile::make(), KeyFile::make());
+    let master = start_with_key(&key);
+    let address = master.address();
+
+    let mut peer = Peer::connect(address);
+    peer.send_bytes(&Caller::call(other.key()).expect("a call").1);
+    assert!(refusal(peer).contains("key is not the master's"), "another key");
+    master
+        .log
+        .wait_for(&["a peer was sent away", "key is not the master's"]);
+
+    let mut peer = Peer::connect(address);
+    peer.send(&ToMaster::Hello(hello("keyless")));
+    assert!(
+        refusal(peer).contains("only workers with this master's key"),
+        "no key"
+    );
+    master
+        .log
+        .wait_for(&["a peer was sent away", "only workers with this master's key"]);
+
+    let mut peer = Peer::connect(address);
+    peer.send(&ToMaster::Hello(Hello {
+        protocol: 1,
+        ..hello("old and keyless")
+    }));
+    assert!(
+        refusal(peer).contains("protocol 1"),
+        "an old version without a key"
+    );
+    master.log.wait_for(&["a peer was sent away", "protocol 1"]);
+
+    let mut peer = Peer::connect(address);
+    peer.send_bytes(b"GLN\x02");
+    peer.send_bytes(&[0; 48]);
+    assert!(
+        refusal(peer).contains("channels of another version"),
+        "another channel"
+    );
+    master
+        .log
+        .wait_for(&["a peer was sent away", "channels of another version"]);
+
+    assert_fine_with_key(master, &key, 4);
+}
+
+#[test]
+fn who_has_the_key_but_another_version_is_refused_in_words() {
+    let key = KeyFile::make();
+    let master = start_with_key(&key);
+    let mut peer = Peer::connect_with_key(master.address(), key.key());
+    peer.send(&ToMaster::Hello(Hello {
+        protocol: 1,
+        ..hello("old")
+    }));
+    assert!(refusal(peer).contains("protocol 1"));
+    assert_fine_with_key(master, &key, 1);
+}
+
+#[test]
+fn a_recorded_hello_cannot_be_repeated() {
+    let key = KeyFile::make();
+    let master = start_with_key(&key);
+    let mut peer = Peer::connect_with_key(master.address(), key.key());
+    peer.send(&ToMaster::Hello(hello("recorded")));
+    assert!(matches!(peer.receive(), Some(ToWorker::Welcome(_))));
+
+    let mut again = Peer::connect(master.address());
+    again.send_bytes(&peer.recorded());
+    master
+        .log
+        .wait_for(&["a peer was sent away", "forged or a repetition"]);
+    assert_fine_with_key(master, &key, 1);
+}
+
+#[test]
+fn who_stalls_while_a_channel_is_opened_is_sent_away_after_the_time_for_a_handshake() {
+    let key = KeyFile::make();
+    let master = start_with_key(&key);
+    let call = Caller::call(key.key()).expect("a call").1;
+    let mut half = Peer::connect(master.address());
+    half.send_bytes(&call[..20]);
+    // The master has answered this one, and waits for its hello.
+    let answered = Peer::connect_with_key(master.address(), key.key());
+    assert_eq!((half.until_closed(), answered.until_closed()), (vec![], vec![]));
+    master.log.wait_for(&["did not introduce itself"]);
+    assert_fine_with_key(master, &key, 2);
+}
+
+#[test]
+fn a_worker_that_is_refused_for_its_key_says_what_to_do_and_stays() {
+    let (key, other) = (KeyFile::make(), KeyFile::make());
+    let master = start_with_key(&key);
+    let address = master.address();
+    let mut wrong = Worker::start_with_key("wrong", address, 1, other.path());
+    let line = wrong.log.wait_for(&["key is not the master's"]);
+    for part in [&other.key().fingerprint(), "copy", "--key", "trying again"] {
+        assert!(line.contains(part), "{part:?} is not in {line}");
+    }
+    let mut none = Worker::start("none", address, 1);
+    let line = none.log.wait_for(&["only workers with this master's key"]);
+    assert!(line.contains("--key") && line.contains("trying again"), "{line}");
+    for worker in [&mut wrong, &mut none] {
+        worker.signal("TERM");
+        assert!(worker.wait().success());
+    }
+
+    let honest = Worker::start_with_key("honest", address, 2, key.path());
+    assert_fine_with(master, honest);
+}
+
+#[test]
+fn while_keys_are_changed_over_either_key_lets_in() {
+    let (old, new, other) = (KeyFile::make(), KeyFile::make(), KeyFile::make());
+    let both = KeyFile::of(&[new.key(), old.key()]);
+    let master = start_with_key(&both);
+    for key in [&old, &new] {
+        let mut peer = Peer::connect_with_key(master.address(), key.key());
+        peer.send(&ToMaster::Hello(hello("either")));
+        assert!(matches!(peer.receive(), Some(ToWorker::Welcome(_))));
+    }
+    // A worker's second key counts, too, once the first was refused.
+    assert_fine_with_key(master, &KeyFile::of(&[other.key(), old.key()]), 1);
 }
 
 #[test]

@@ -8,6 +8,7 @@ use std::{
 
 use ::worker::settings::{Settings, Slots};
 use ::worker::{Ended, Lifetime, Priority, Stop, WorkerOptions, cli};
+use protocol::key_file;
 
 use crate::{
     boundary::{Output, free, guard, object, object_mut, text},
@@ -90,6 +91,24 @@ pub unsafe extern "C" fn gridlight_worker_set_name(worker: *mut Worker, name: *c
     })
 }
 
+/// Reads the key of the grid, the same as the master's: only a master that has it is believed. Without
+/// one, only a master that has none lets the worker join.
+///
+/// @param worker The worker, which is not started yet.
+/// @param path The key file; nobody but the user who runs this program may be able to read it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gridlight_worker_set_key_file(worker: *mut Worker, path: *const c_char) -> Outcome {
+    guard(|| {
+        // SAFETY: the caller passes a live worker.
+        let worker = unsafe { object_mut(worker, "worker") }?;
+        // SAFETY: the caller passes a string.
+        let path = unsafe { text(path, "path") }?;
+        let keys = key_file::read(path.as_ref()).map_err(|error| Failure::invalid(error.to_string()))?;
+        worker.options.keys = Some(keys);
+        Ok(())
+    })
+}
+
 /// Starts a worker and returns at once. It keeps trying until a master is there, works for it, and looks
 /// for the next when that is gone. Signals are left alone, and nothing is printed.
 ///
@@ -139,6 +158,7 @@ impl Worker {
         Self {
             options: WorkerOptions {
                 connect,
+                keys: None,
                 slots: Settings::default().slots_max(),
                 name: cli::host_name(),
                 // When to render, and how politely, is for the program around it to say.

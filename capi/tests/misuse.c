@@ -186,6 +186,7 @@ static void a_worker_wants_an_address_and_is_started_once(void) {
     OK(gridlight_worker_new("127.0.0.1:1", &worker));
     FAILS(gridlight_worker_set_slots(worker, 100000), INVALID_PARAMETER);
     FAILS(gridlight_worker_set_name(worker, "two\nlines"), INVALID_PARAMETER);
+    FAILS(gridlight_worker_set_key_file(worker, "/nowhere/grid.key"), INVALID_PARAMETER);
     OK(gridlight_worker_set_slots(worker, 1));
     OK(gridlight_worker_start(worker));
     FAILS(gridlight_worker_start(worker), WORKER_STARTED);

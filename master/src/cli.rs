@@ -41,6 +41,8 @@ pub struct Cli {
 pub enum Command {
     /// Gives a scene to the workers that come, so that the next frame of it begins at once.
     Warm(WarmArgs),
+    /// Makes the key of a grid: a file to be copied to all its machines and named by --key
+    Keygen(KeygenArgs),
     /// Renders tasks for the master that started it on the same machine.
     #[command(hide = true)]
     Worker(LocalWorkerArgs),
@@ -61,6 +63,30 @@ pub struct WarmArgs {
     /// End as soon as so many workers have the scene
     #[arg(long, value_name = "COUNT")]
     pub expect_workers: Option<usize>,
+    /// Who may come.
+    #[command(flatten)]
+    pub key: KeyArgs,
+}
+
+/// The flags that say who may join.
+#[derive(Debug, Clone, Args)]
+pub struct KeyArgs {
+    /// Key file: only workers that have the same key may join [make one with `master keygen`]
+    #[arg(long, value_name = "FILE", env = "GRIDLIGHT_KEY", help_heading = "Workers")]
+    pub key: Option<PathBuf>,
+
+    /// Let anybody join who reaches an address of --listen that other machines can reach: no key,
+    /// nothing encrypted
+    #[arg(long, help_heading = "Workers")]
+    pub insecure: bool,
+}
+
+/// The flags of `keygen`.
+#[derive(Debug, Args)]
+pub struct KeygenArgs {
+    /// The new file; one that exists is left alone
+    #[arg(long, value_name = "FILE", default_value = "gridlight.key")]
+    pub out: PathBuf,
 }
 
 /// The flags that a master gives to the worker it starts.
@@ -186,6 +212,10 @@ pub struct RenderArgs {
     /// Address for workers to connect to; port 0 is any free one
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:0", value_parser = listen, help_heading = "Workers")]
     pub listen: SocketAddr,
+
+    /// Who may join.
+    #[command(flatten)]
+    pub key: KeyArgs,
 
     /// Tasks rendered at a time on this machine; `auto` is one for each core, 0 leaves all to remote
     /// workers

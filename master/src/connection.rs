@@ -1,6 +1,6 @@
 //! One worker's connection: the handshake, then messages in and out. Decides nothing about the frame.
 
-use std::{net::SocketAddr, sync::Arc};
+use std::{io, net::SocketAddr, sync::Arc};
 
 use protocol::{
     ToMaster, ToWorker, WorkerId,
@@ -8,22 +8,25 @@ use protocol::{
     envelope::Sealed,
     limits,
     message::{Hello, Refused, Welcome},
-    version,
+    opening::{self, AnswerError},
 };
 use tokio::{
-    net::{TcpStream, tcp::OwnedReadHalf},
-    sync::mpsc,
+    net::{TcpStream, tcp::OwnedReadHalf, tcp::OwnedWriteHalf},
+    sync::{Semaphore, SemaphorePermit, mpsc},
     time::timeout,
 };
 
 use crate::{
+    admission::{Admission, Standing, Way},
     cli::VERSION,
     clock::Clock,
     meter::{Metered, Throughput},
 };
 
-/// Messages of a worker, their bytes counted.
-type Incoming = Reader<ToMaster, Metered<OwnedReadHalf>>;
+/// Bytes of a worker, counted.
+type IncomingBytes = Metered<OwnedReadHalf>;
+/// Messages of a worker.
+type Incoming = Reader<ToMaster, IncomingBytes>;
 
 /// Messages that may wait for a worker to read them. One that lets more pile up is closed.
 const OUTBOX_MESSAGES_MAX: usize = 1_024;
@@ -73,8 +76,10 @@ pub struct Joined {
 pub struct Shared {
     /// Where arrivals go.
     pub arrivals: mpsc::Sender<Arrival>,
-    /// Tells the worker that this process started.
-    pub local_token: String,
+    /// Who may join.
+    pub admission: Admission,
+    /// As many as may be here at a time.
+    pub places: Semaphore,
     /// Time since the start of the process.
     pub clock: Clock,
 }
@@ -88,6 +93,10 @@ enum Fault {
     NoHello(&'static str),
     #[error("refused: {0}")]
     Refused(String),
+    #[error(transparent)]
+    Opening(#[from] AnswerError),
+    #[error("the connection failed: {0}")]
+    Io(#[from] io::Error),
     #[error("it said nothing for {} s", limits::SILENCE.as_secs())]
     Silence,
     #[error(transparent)]
@@ -96,36 +105,45 @@ enum Fault {
     Write(#[from] WriteError),
 }
 
-/// Serves one connection to its end.
-pub async fn serve(stream: TcpStream, address: SocketAddr, worker: WorkerId, shared: Arc<Shared>) {
-    if let Err(error) = protocol::connection::tune(&stream) {
-        return tracing::debug!(%address, %error, "a connection failed at once");
-    }
-    let (incoming, outgoing) = stream.into_split();
-    let throughput = Throughput::default();
-    let mut reader = Reader::new(Metered::new(incoming, shared.clock, throughput.clone()));
-    let mut writer = Writer::new(outgoing);
-    let hello = match timeout(
-        limits::HANDSHAKE_WITHIN,
-        shake_hands(&mut reader, &mut writer, worker),
-    )
-    .await
-    {
-        Ok(Ok(Some(hello))) => hello,
-        Ok(Ok(None)) => return tracing::debug!(%address, "a peer left without a word"),
-        Ok(Err(fault)) => return tracing::warn!(%address, %fault, "a peer was sent away"),
-        Err(_) => {
-            let fault = Fault::HandshakeTooSlow;
-            return tracing::warn!(%address, %fault, "a peer was sent away");
-        }
+/// A worker that was admitted.
+struct Admitted<'a> {
+    reader: Incoming,
+    writer: Writer<ToWorker>,
+    throughput: Throughput,
+    hello: Hello,
+    standing: Standing,
+    _place: SemaphorePermit<'a>,
+}
+
+/// Serves one connection to its end; `admitted` is called once its peer is no stranger any more.
+pub async fn serve(
+    stream: TcpStream,
+    address: SocketAddr,
+    worker: WorkerId,
+    shared: Arc<Shared>,
+    admitted: impl FnOnce(),
+) {
+    let met = timeout(limits::HANDSHAKE_WITHIN, meet(stream, address, worker, &shared)).await;
+    let met = match met.unwrap_or(Err(Fault::HandshakeTooSlow)) {
+        Ok(Some(met)) => met,
+        Ok(None) => return tracing::debug!(%address, "a peer left without a word"),
+        Err(fault) => return tracing::warn!(%address, %fault, "a peer was sent away"),
     };
+    admitted();
+    let Admitted {
+        mut reader,
+        mut writer,
+        throughput,
+        hello,
+        standing,
+        _place,
+    } = met;
     let (outbox, messages) = mpsc::channel(OUTBOX_MESSAGES_MAX);
-    let is_local = hello.token.as_deref() == Some(&shared.local_token);
     let joined = Arrival::Joined(Joined {
         worker,
         hello,
         address,
-        is_local,
+        is_local: standing == Standing::Local,
         throughput,
         outbox,
     });
@@ -138,31 +156,70 @@ pub async fn serve(stream: TcpStream, address: SocketAddr, worker: WorkerId, sha
     let _ = shared.arrivals.send(Arrival::Left { worker, fault }).await;
 }
 
-/// `None` if the peer closed before it said anything.
-async fn shake_hands(
-    reader: &mut Incoming,
-    writer: &mut Writer<ToWorker>,
+/// Finds out who has connected, and admits or refuses it. `None` if it closed before it said anything.
+async fn meet(
+    stream: TcpStream,
+    address: SocketAddr,
     worker: WorkerId,
-) -> Result<Option<Hello>, Fault> {
-    let hello = match reader.read().await? {
-        None => return Ok(None),
-        Some(ToMaster::Hello(hello)) => hello,
-        Some(other) => return Err(Fault::NoHello(protocol::message::Message::name(&other))),
+    shared: &Shared,
+) -> Result<Option<Admitted<'_>>, Fault> {
+    protocol::connection::tune(&stream)?;
+    let here = stream.local_addr()?;
+    let (incoming, outgoing) = stream.into_split();
+    let throughput = Throughput::default();
+    let incoming = Metered::new(incoming, shared.clock, throughput.clone());
+    let Some((mut reader, mut writer)) = opening::answer(incoming, outgoing, shared.admission.keys()).await?
+    else {
+        return Ok(None);
     };
-    if let Err(reason) = version::check(&hello, VERSION) {
-        let refused = Refused {
-            reason: reason.clone(),
-        };
-        writer.send(&ToWorker::Refused(refused)).await?;
-        return Err(Fault::Refused(reason));
-    }
+    let Some(hello) = hear_hello(&mut reader).await? else {
+        return Ok(None);
+    };
+    let way = Way::between(address, here, reader.is_secure());
+    let decided = shared.admission.decide(&hello, way);
+    let admitted = decided.and_then(|standing| {
+        let place = shared.places.try_acquire();
+        let place = place.map_err(|_full| format!("there are {} workers already", limits::WORKERS))?;
+        Ok((standing, place))
+    });
+    let (standing, place) = match admitted {
+        Ok(admitted) => admitted,
+        Err(reason) => return Err(refuse(&mut writer, reason).await),
+    };
     reader.handshake_done();
     let welcome = Welcome {
         worker,
         version: VERSION.to_owned(),
     };
     writer.send(&ToWorker::Welcome(welcome)).await?;
-    Ok(Some(hello))
+    Ok(Some(Admitted {
+        reader,
+        writer,
+        throughput,
+        hello,
+        standing,
+        _place: place,
+    }))
+}
+
+/// The first message, which must be a hello.
+async fn hear_hello(reader: &mut Incoming) -> Result<Option<Hello>, Fault> {
+    match reader.read().await? {
+        None => Ok(None),
+        Some(ToMaster::Hello(hello)) => Ok(Some(hello)),
+        Some(other) => Err(Fault::NoHello(protocol::message::Message::name(&other))),
+    }
+}
+
+/// Tells a worker why it may not join.
+async fn refuse(writer: &mut Writer<ToWorker, OwnedWriteHalf>, reason: String) -> Fault {
+    let refused = Refused {
+        reason: reason.clone(),
+    };
+    match writer.send(&ToWorker::Refused(refused)).await {
+        Ok(()) => Fault::Refused(reason),
+        Err(error) => error.into(),
+    }
 }
 
 /// Carries messages until one side ends it.

@@ -12,10 +12,12 @@ Exit codes:
   6    the deadline was missed
   7    the full workload cannot be completed: the local worker dies again and again;
        warm: fewer workers have the scene than were expected
+  8    the key file cannot be used, or not be made
   130  interrupted by Ctrl-C; what was finished was delivered
   143  ended by SIGTERM; what was finished was delivered
 
 Environment:
+  GRIDLIGHT_KEY     key file, in place of --key
   GRIDLIGHT_SCENES  folder that `$GRIDLIGHT_SCENES` in scene files stands for
                     [default: ../shared/scenes beside the project's folder]
   RUST_LOG          what is logged, in place of -q and -v";
@@ -40,6 +42,8 @@ pub enum Exit {
     DeadlineMissed = 6,
     /// The full workload cannot be completed.
     Incomplete = 7,
+    /// The key file cannot be used, or not be made.
+    Key = 8,
     /// Interrupted; what was finished was delivered.
     Interrupted = 130,
     /// Ended by a signal; what was finished was delivered.

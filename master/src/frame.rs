@@ -270,8 +270,9 @@ impl Frame {
 
     fn joined(&mut self, joined: Joined) {
         tracing::info!(name = joined.hello.name, address = %joined.address, slots = joined.hello.slots, "a worker joined");
-        let worker = self.roster.join(joined);
-        encoded(self.roster.ping(worker, self.clock.now()));
+        let now = self.clock.now();
+        let worker = self.roster.join(joined, now);
+        encoded(self.roster.ping(worker, now));
         self.prepare(worker);
         self.begin(worker);
     }
@@ -485,6 +486,9 @@ impl Frame {
         };
         if !tasks.is_empty() {
             tracing.first_task.get_or_insert(now);
+            if let Some(report) = self.roster.report(worker) {
+                report.first_task_s.get_or_insert(now.elapsed().as_secs_f64());
+            }
         }
         self.send(worker, &ToWorker::Assign(assign));
     }

@@ -2,7 +2,7 @@
 
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
-use protocol::radiance::Encoding;
+use protocol::{Keys, radiance::Encoding};
 use render::{
     reconstruct::Reconstruction,
     scene::{ImageSize, Scene},
@@ -10,6 +10,7 @@ use render::{
 };
 
 use crate::{
+    admission,
     cli::{AlgorithmName, Auto, Clamp, Integrator, ReconstructionName, RenderArgs},
     deliver::{DeliverError, PictureFiles},
     exit::{Exit, Failure, OrExit},
@@ -66,6 +67,8 @@ pub struct Job {
     pub delta_t: Option<Duration>,
     /// Where workers connect.
     pub listen: SocketAddr,
+    /// What a worker must have to join; `None`: nothing.
+    pub keys: Option<Keys>,
     /// Slots of the worker that this process starts.
     pub local_slots: u32,
     /// How results come back, if all in one way.
@@ -124,6 +127,7 @@ impl Job {
                 Auto::Auto => None,
             },
             listen: args.listen,
+            keys: admission::keys(&args.key, args.listen)?,
             local_slots: args.local_slots.or_one_per_core(),
             pixels: args.pixels.map(Encoding::from),
             workload,
@@ -275,6 +279,7 @@ fn overrides(args: &RenderArgs) -> Vec<&'static str> {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
+    use protocol::key_file;
 
     use super::*;
     use crate::cli::Cli;
@@ -334,6 +339,38 @@ mod tests {
         assert_eq!(encodings("--no-deadline"), [Encoding::Exact; 2]);
         assert_eq!(encodings("--pixels half"), [Encoding::Half; 2]);
         assert_eq!(encodings("--pixels exact"), [Encoding::Exact; 2]);
+    }
+
+    #[test]
+    fn an_address_that_others_can_reach_needs_a_key_or_a_word() {
+        for address in ["0.0.0.0:7420", "[::]:7420", "192.0.2.1:0"] {
+            let failure = job(&format!("--listen {address}")).unwrap_err();
+            assert_eq!(failure.exit, Exit::Usage);
+            for part in ["--key", "keygen", "--insecure"] {
+                assert!(failure.error.to_string().contains(part), "{part}");
+            }
+            assert!(
+                job(&format!("--listen {address} --insecure"))
+                    .unwrap()
+                    .keys
+                    .is_none()
+            );
+        }
+        for address in ["127.0.0.1:0", "127.0.0.2:7420", "[::1]:0"] {
+            assert!(job(&format!("--listen {address}")).is_ok(), "{address}");
+        }
+    }
+
+    #[test]
+    fn a_key_file_is_read_before_anything_starts() {
+        assert_eq!(job("--key nowhere/grid.key").unwrap_err().exit, Exit::Key);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("grid.key");
+        let key = key_file::create(&path).unwrap();
+        let flags = format!("--listen 0.0.0.0:0 --key {}", path.display());
+        let keys = job(&flags).unwrap().keys.unwrap();
+        assert_eq!(keys.fingerprints(), key.fingerprint());
+        assert_eq!(job(&format!("{flags} --insecure")).unwrap_err().exit, Exit::Usage);
     }
 
     #[test]

@@ -24,7 +24,9 @@ pub mod frame;
 pub mod roster;
 pub mod session;
 
+pub mod admission;
 pub mod connection;
+pub mod doorway;
 pub mod meter;
 pub mod server;
 pub mod wire;

@@ -91,6 +91,10 @@ pub struct WorkerReport {
     pub local: bool,
     /// Tasks that it renders at a time.
     pub slots: u32,
+    /// When it joined.
+    pub joined_s: f64,
+    /// When it was given its first task.
+    pub first_task_s: Option<f64>,
     /// Results that counted; one of several passes counts as so many.
     pub tasks: u32,
     /// Rays of these.

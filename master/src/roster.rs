@@ -58,13 +58,14 @@ pub struct Member {
 
 impl Roster {
     /// A worker has joined.
-    pub fn join(&mut self, joined: Joined) -> WorkerId {
+    pub fn join(&mut self, joined: Joined, now: FrameTime) -> WorkerId {
         let report = self.reports.len();
         self.reports.push(WorkerReport {
             name: joined.hello.name.clone(),
             address: joined.address.to_string(),
             local: joined.is_local,
             slots: joined.hello.slots,
+            joined_s: now.elapsed().as_secs_f64(),
             ..WorkerReport::default()
         });
         let member = Member {

@@ -1,17 +1,17 @@
 //! The program's table of contents: from the command line to the delivered picture.
 
 use std::{
-    fs::File,
-    io::{self, Read, Write},
+    io::{self, Write},
     mem::ManuallyDrop,
     path::Path,
 };
 
 use anyhow::Context as _;
 use indicatif::MultiProgress;
+use protocol::key_file;
 
 use crate::{
-    cli::{Cli, Command, Integrator, RenderArgs},
+    cli::{Cli, Command, Integrator, KeygenArgs, RenderArgs},
     clock::Clock,
     deliver::StagedFile,
     exit::{Exit, Failure, OrExit},
@@ -44,6 +44,7 @@ pub fn run(cli: &Cli) -> ! {
             logging::start(false, 1, &bars);
             warm::run(args, clock)
         }
+        Some(Command::Keygen(args)) => keygen(args).map(|()| Exit::Delivered),
         None => {
             logging::start(cli.render.quiet, cli.render.verbose, &bars);
             render(&cli.render, clock, &bars)
@@ -136,11 +137,21 @@ fn deliver_report(json: bool, file: Option<StagedFile>, report: &Report) -> Resu
     Ok(())
 }
 
-/// Not a secret of consequence: it tells the worker that this process started from others.
-fn random_token() -> anyhow::Result<String> {
+/// By this the worker that this process starts is known from others.
+fn random_token() -> Result<String, getrandom::Error> {
     let mut bytes = [0; 16];
-    File::open("/dev/urandom")
-        .and_then(|mut file| file.read_exact(&mut bytes))
-        .context("cannot read /dev/urandom")?;
+    getrandom::fill(&mut bytes)?;
     Ok(format!("{:032x}", u128::from_ne_bytes(bytes)))
+}
+
+/// Makes a key file and says what to do with it.
+fn keygen(args: &KeygenArgs) -> Result<(), Failure> {
+    let key = key_file::create(&args.out).or_exit(Exit::Key)?;
+    let (path, fingerprint) = (args.out.display(), key.fingerprint());
+    let said = writeln!(
+        io::stdout(),
+        "{path}: key {fingerprint}\nCopy it to all machines of the grid by a safe way, with mode 0600, and name \
+         it there with --key FILE.",
+    );
+    said.or_exit(Exit::Unforeseen)
 }

@@ -1,17 +1,20 @@
-//! Accepts workers, as many as there may be.
+//! Accepts connections, and sees that strangers do not stand in each other's way.
 
 use std::{
     io,
     net::{SocketAddr, TcpListener},
-    sync::Arc,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Duration,
 };
 
 use protocol::{WorkerId, limits};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-use tokio::{sync::Semaphore, time::sleep};
+use tokio::{net::TcpStream, task::AbortHandle, time::sleep};
 
-use crate::connection::{self, Shared};
+use crate::{
+    connection::{self, Shared},
+    doorway::{Doorway, Ticket},
+};
 
 /// Cannot listen for workers.
 #[derive(Debug, thiserror::Error)]
@@ -51,27 +54,59 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(10);
 /// Accepts connections for ever; each is served by a task of its own.
 pub async fn accept(listener: TcpListener, shared: Arc<Shared>) -> io::Result<()> {
     let listener = tokio::net::TcpListener::from_std(listener)?;
-    let places = Arc::new(Semaphore::new(limits::WORKERS));
+    let strangers = Strangers::default();
     let mut next = 0;
     loop {
-        let (stream, address) = match listener.accept().await {
-            Ok(connection) => connection,
+        match listener.accept().await {
+            Ok((stream, address)) => strangers.receive(stream, address, WorkerId(next), &shared),
             Err(error) => {
                 tracing::warn!(%error, "a connection could not be accepted");
                 sleep(ACCEPT_PAUSE).await;
-                continue;
             }
-        };
-        let Ok(place) = Arc::clone(&places).try_acquire_owned() else {
-            tracing::warn!(%address, limit = limits::WORKERS, "a connection beyond the limit was closed");
-            continue;
-        };
-        let worker = WorkerId(next);
+        }
         next += 1;
-        let shared = Arc::clone(&shared);
-        tokio::spawn(async move {
-            connection::serve(stream, address, worker, shared).await;
-            drop(place);
-        });
+    }
+}
+
+/// Connections whose peers are not admitted yet.
+#[derive(Debug, Clone, Default)]
+struct Strangers(Arc<Mutex<Doorway<AbortHandle>>>);
+
+impl Strangers {
+    /// Serves a connection; ends that of another stranger if there are too many.
+    fn receive(&self, stream: TcpStream, address: SocketAddr, worker: WorkerId, shared: &Arc<Shared>) {
+        // Held until the stranger is in, so that it cannot have left before it came.
+        let mut doorway = self.lock();
+        let ticket = doorway.next_ticket();
+        let place = Place {
+            strangers: self.clone(),
+            ticket,
+        };
+        let served = connection::serve(stream, address, worker, Arc::clone(shared), || drop(place));
+        let handle = tokio::spawn(served).abort_handle();
+        let evicted = doorway.enter(ticket, address.ip(), handle);
+        drop(doorway);
+        if let Some(evicted) = evicted {
+            let (address, limit) = (evicted.address, evicted.limit);
+            tracing::warn!(%address, limit, "too many peers are at the door; the oldest was sent away");
+            evicted.handle.abort();
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Doorway<AbortHandle>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A stranger's place in the doorway; left when dropped.
+#[derive(Debug)]
+struct Place {
+    strangers: Strangers,
+    ticket: Ticket,
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.strangers.lock().leave(self.ticket);
     }
 }

@@ -3,15 +3,17 @@
 use std::{net::TcpListener, sync::Arc, time::Duration};
 
 use anyhow::anyhow;
+use protocol::{Keys, limits};
 use rayon::ThreadPool;
 use render::{gbuffer::Aovs, settings::Settings};
 use tokio::{
     signal::unix::{Signal, SignalKind, signal},
-    sync::{mpsc, oneshot},
+    sync::{Semaphore, mpsc, oneshot},
     time::{Interval, MissedTickBehavior, interval, sleep_until},
 };
 
 use crate::{
+    admission::Admission,
     clock::Clock,
     connection::{Arrival, Shared},
     cores,
@@ -115,11 +117,15 @@ impl Session {
         let (sender, arrivals) = mpsc::channel(ARRIVALS_MAX);
         let shared = Arc::new(Shared {
             arrivals: sender,
-            local_token: setting.local_token.clone(),
+            admission: Admission::new(setting.job.keys.clone(), Some(&setting.local_token)),
+            places: Semaphore::new(limits::WORKERS),
             clock: setting.clock,
         });
         tokio::spawn(server::accept(listener, shared));
-        tracing::info!(%address, "workers may connect");
+        tracing::info!(%address, keys = setting.job.keys.as_ref().map(Keys::fingerprints), "workers may connect");
+        if setting.job.keys.is_none() && !address.ip().is_loopback() {
+            tracing::warn!(%address, "anybody who reaches this address may join and see the scene: --insecure");
+        }
 
         let mut share = CpuShare::default();
         let mut local = Local {

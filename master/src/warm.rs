@@ -6,15 +6,17 @@ use anyhow::anyhow;
 use protocol::{
     ToMaster, ToWorker, WorkerId,
     envelope::Sealed,
+    limits,
     message::{Prepare, Shutdown, Want},
 };
 use render::scene::load::{LoadOptions, load};
 use tokio::{
-    sync::mpsc,
+    sync::{Semaphore, mpsc},
     time::{MissedTickBehavior, interval, sleep},
 };
 
 use crate::{
+    admission::{self, Admission},
     cli::WarmArgs,
     clock::Clock,
     connection::{Arrival, Joined, Shared},
@@ -42,6 +44,7 @@ struct Warming {
 /// Lets workers have the scene until the time is up, or until all that are expected have it.
 pub fn run(args: &WarmArgs, clock: Clock) -> Result<Exit, Failure> {
     let path = args.scene.clone().unwrap_or_else(scene_path::default_scene);
+    let keys = admission::keys(&args.key, args.listen)?;
     server::raise_connections_max();
     let listener = server::bind(args.listen).or_exit(Exit::Listen)?;
     let options = LoadOptions {
@@ -65,8 +68,9 @@ pub fn run(args: &WarmArgs, clock: Clock) -> Result<Exit, Failure> {
         let address = listener.local_addr().or_exit(Exit::Listen)?;
         let shared = Shared {
             arrivals: sender,
-            // Nobody is started here, and nobody knows an empty token.
-            local_token: String::new(),
+            // Nobody is started here.
+            admission: Admission::new(keys, None),
+            places: Semaphore::new(limits::WORKERS),
             clock,
         };
         tokio::spawn(server::accept(listener, shared.into()));
@@ -121,7 +125,7 @@ impl Warming {
     }
 
     fn joined(&mut self, joined: Joined) {
-        let worker = self.roster.join(joined);
+        let worker = self.roster.join(joined, self.clock.now());
         self.send(worker, self.prepare.clone());
     }
 

@@ -1,5 +1,6 @@
 //! What the protocol costs: a thousand results a second over loopback, as one busy machine sends
-//! them, against the same bytes through bare sockets. Counts the processor time of both ends.
+//! them, plainly and sealed with a key, against the same bytes through bare sockets. Counts the processor
+//! time of both ends.
 //!
 //! `cargo bench -p protocol`
 #![expect(
@@ -14,10 +15,10 @@ use std::net::{TcpListener, TcpStream};
 use std::thread;
 use std::time::Duration;
 
-use protocol::connection;
+use protocol::connection::{self, Reader, Writer};
 use protocol::message::{Request, TaskResult, ToMaster, ToWorker};
 use protocol::radiance::Encoding;
-use protocol::{Component, FrameId, Radiance, Task, envelope};
+use protocol::{Component, FrameId, Keys, Radiance, Task, envelope, opening};
 use tokio::time::{MissedTickBehavior, interval};
 
 /// Pixels of a group of the paper: 1024 × 768 in 64 groups; 147 kB as RGB.
@@ -27,14 +28,27 @@ const PERIOD: Duration = Duration::from_millis(1);
 
 fn main() {
     let bare = measured(send_bare, receive_bare);
-    let protocol = measured(send_messages, receive_messages);
+    let plain = measured(send_plain, receive_plain);
+    let sealed = measured(send_sealed, receive_sealed);
     let row = |name: &str, micros: f64| {
         let share = micros * 1000.0 / 2e6 * 100.0;
         println!("{name:<14} {micros:6.1} µs per result, {share:4.1} % of two cores at 1000 results/s");
     };
     row("bare sockets", bare);
-    row("the protocol", protocol);
-    println!("{:<14} {:6.2}", "ratio", protocol / bare);
+    row("the protocol", plain);
+    row("with a key", sealed);
+    let megabytes = both().len() as f64 / 1e6;
+    println!(
+        "{:<14} {:6.2}, with a key {:.2}",
+        "ratio",
+        plain / bare,
+        sealed / bare
+    );
+    println!(
+        "{:<14} {:6.0} MB/s for sealing and opening",
+        "one core",
+        megabytes * 1e6 / (sealed - plain)
+    );
 }
 
 /// Processor time per result of sender and receiver together, in microseconds.
@@ -98,35 +112,65 @@ async fn paced(mut each: impl AsyncFnMut(u32)) {
     }
 }
 
-fn send_messages(stream: TcpStream) {
+fn send_plain(stream: TcpStream) {
     in_runtime(async {
-        stream.set_nonblocking(true).unwrap();
-        let stream = tokio::net::TcpStream::from_std(stream).unwrap();
-        let (_reader, mut writer) = connection::open::<ToWorker, ToMaster>(stream).unwrap();
-        paced(async |number| {
-            // The renderer makes the values either way; only what follows is the protocol's.
-            writer.push(&result(number)).unwrap();
-            writer.push(&request()).unwrap();
-            writer.flush().await.unwrap();
-        })
-        .await;
+        let (_reader, writer) = connection::open::<ToWorker, _>(nonblocking(stream)).unwrap();
+        send_messages(writer).await;
     });
 }
 
-fn receive_messages(stream: TcpStream) {
+fn receive_plain(stream: TcpStream) {
     in_runtime(async {
-        stream.set_nonblocking(true).unwrap();
-        let stream = tokio::net::TcpStream::from_std(stream).unwrap();
-        let (mut reader, _writer) = connection::open::<ToMaster, ToWorker>(stream).unwrap();
-        reader.handshake_done();
-        let mut light = 0.0;
-        while let Some(message) = reader.read().await.unwrap() {
-            if let ToMaster::Result(result) = message {
-                light += result.radiance.unpack()[7];
-            }
-        }
-        assert!((light - 0.25 * RESULTS as f32).abs() < 1e-3);
+        let (reader, _writer) = connection::open::<_, ToWorker>(nonblocking(stream)).unwrap();
+        receive_messages(reader).await;
     });
+}
+
+fn send_sealed(stream: TcpStream) {
+    in_runtime(async {
+        let key = keys().iter().next().unwrap().clone();
+        let (_reader, writer) = opening::call(nonblocking(stream), &key).await.unwrap();
+        send_messages(writer).await;
+    });
+}
+
+fn receive_sealed(stream: TcpStream) {
+    in_runtime(async {
+        let (incoming, outgoing) = nonblocking(stream).into_split();
+        let answered = opening::answer(incoming, outgoing, Some(&keys())).await;
+        let (reader, _writer) = answered.unwrap().unwrap();
+        receive_messages(reader).await;
+    });
+}
+
+fn keys() -> Keys {
+    Keys::parse(&format!("gridlight-key-1:{}", "5".repeat(64))).unwrap()
+}
+
+fn nonblocking(stream: TcpStream) -> tokio::net::TcpStream {
+    stream.set_nonblocking(true).unwrap();
+    tokio::net::TcpStream::from_std(stream).unwrap()
+}
+
+async fn send_messages(mut writer: Writer<ToMaster>) {
+    paced(async |number| {
+        // The renderer makes the values either way; only what follows is the protocol's.
+        writer.push(&result(number)).unwrap();
+        writer.push(&request()).unwrap();
+        writer.flush().await.unwrap();
+    })
+    .await;
+}
+
+async fn receive_messages(mut reader: Reader<ToMaster>) {
+    reader.handshake_done();
+    let mut light = 0.0;
+    while let Some(message) = reader.read().await.unwrap() {
+        if let ToMaster::Result(result) = message {
+            light += result.radiance.unpack()[7];
+        }
+    }
+    assert!((light - 0.25 * RESULTS as f32).abs() < 1e-3);
 }
 
 /// Bytes of what [`send_messages`] sends at a time.

@@ -11,7 +11,9 @@ use tokio::net::TcpStream;
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 
 use crate::envelope::{Decoded, Decoder, EncodeError, EnvelopeError, Sealed};
+use crate::limits::RECORD_BYTES;
 use crate::message::Message;
+use crate::secure::{Opener, Sealer, SecureError};
 
 /// Envelopes that go to the system in one call.
 const ENVELOPES_PER_CALL: usize = 16;
@@ -19,6 +21,8 @@ const ENVELOPES_PER_CALL: usize = 16;
 /// Bytes that the system may hold before the first of them is on the wire: enough to keep the network
 /// busy, and no more, since an urgent message cannot overtake them.
 const UNSENT_BYTES: u32 = 128 << 10;
+/// Bytes that are encrypted at a time: enough for a call to the system to be worth its cost.
+const ENCRYPTED_PER_CALL: usize = 4 * RECORD_BYTES;
 
 /// Why nothing more can be read.
 #[derive(Debug, Error)]
@@ -26,6 +30,9 @@ pub enum ReadError {
     /// The peer sent something that is no message, or too much.
     #[error(transparent)]
     Envelope(#[from] EnvelopeError),
+    /// The peer sent something that the one who has the key did not send.
+    #[error(transparent)]
+    Secure(#[from] SecureError),
     /// The peer closed in mid-envelope.
     #[error("the connection was closed in the middle of a message")]
     CutShort,
@@ -50,6 +57,8 @@ pub enum WriteError {
 pub struct Reader<M, S = OwnedReadHalf> {
     stream: S,
     decoder: Decoder,
+    /// Of a secure connection.
+    opener: Option<Opener>,
     direction: PhantomData<fn() -> M>,
 }
 
@@ -58,12 +67,23 @@ pub struct Reader<M, S = OwnedReadHalf> {
 pub struct Writer<M, S = OwnedWriteHalf> {
     stream: S,
     queue: VecDeque<Sealed>,
-    /// Bytes of the first envelope that are written already.
+    /// Bytes of the first envelope that are written, or encrypted, already.
     written: usize,
+    /// Of a secure connection.
+    encryption: Option<Encryption>,
     direction: PhantomData<fn(M)>,
 }
 
-/// Both ends of a connection, for `In` to be read and `Out` to be written.
+/// Encrypted bytes on their way from the queue to the stream.
+#[derive(Debug)]
+struct Encryption {
+    sealer: Sealer,
+    encrypted: Vec<u8>,
+    /// Bytes of `encrypted` that are written already.
+    written: usize,
+}
+
+/// Both ends of a plain connection, for `In` to be read and `Out` to be written.
 pub fn open<In: Message, Out: Message>(stream: TcpStream) -> io::Result<(Reader<In>, Writer<Out>)> {
     tune(&stream)?;
     let (read_half, write_half) = stream.into_split();
@@ -83,8 +103,29 @@ impl<M: Message, S: AsyncRead + Unpin> Reader<M, S> {
         Self {
             stream,
             decoder: Decoder::new(),
+            opener: None,
             direction: PhantomData,
         }
+    }
+
+    /// Reads from a peer whose first bytes are here already.
+    pub(crate) fn continued(first_bytes: &[u8], stream: S) -> Self {
+        let mut reader = Self::new(stream);
+        reader.decoder.push(first_bytes);
+        reader
+    }
+
+    /// Reads from a peer that has the key.
+    pub(crate) fn secure(opener: Opener, stream: S) -> Self {
+        Self {
+            opener: Some(opener),
+            ..Self::new(stream)
+        }
+    }
+
+    /// Whether the peer has the key.
+    pub fn is_secure(&self) -> bool {
+        self.opener.is_some()
     }
 
     /// From now on the peer may send large envelopes.
@@ -100,16 +141,33 @@ impl<M: Message, S: AsyncRead + Unpin> Reader<M, S> {
             if let Decoded::Message(message) = self.decoder.decode()? {
                 return Ok(Some(message));
             }
-            let count = self.stream.read(self.decoder.space()).await?;
-            if count == 0 {
-                return if self.decoder.is_empty() {
+            if self.receive().await? == 0 {
+                return if self.is_between_messages() {
                     Ok(None)
                 } else {
                     Err(ReadError::CutShort)
                 };
             }
-            self.decoder.filled(count);
         }
+    }
+
+    /// Waits for bytes and gives them to the decoder; how many came from the stream.
+    async fn receive(&mut self) -> Result<usize, ReadError> {
+        let Some(opener) = &mut self.opener else {
+            let count = self.stream.read(self.decoder.space()).await?;
+            self.decoder.filled(count);
+            return Ok(count);
+        };
+        let count = self.stream.read(opener.space()).await?;
+        opener.filled(count);
+        while let Some(bytes) = opener.open()? {
+            self.decoder.push(bytes);
+        }
+        Ok(count)
+    }
+
+    fn is_between_messages(&self) -> bool {
+        self.decoder.is_empty() && self.opener.as_ref().is_none_or(Opener::is_empty)
     }
 }
 
@@ -120,7 +178,20 @@ impl<M: Message, S: AsyncWrite + Unpin> Writer<M, S> {
             stream,
             queue: VecDeque::new(),
             written: 0,
+            encryption: None,
             direction: PhantomData,
+        }
+    }
+
+    /// Writes to a peer that has the key.
+    pub(crate) fn secure(sealer: Sealer, stream: S) -> Self {
+        Self {
+            encryption: Some(Encryption {
+                sealer,
+                encrypted: Vec::new(),
+                written: 0,
+            }),
+            ..Self::new(stream)
         }
     }
 
@@ -144,32 +215,83 @@ impl<M: Message, S: AsyncWrite + Unpin> Writer<M, S> {
 
     /// Whether everything pushed was written.
     pub fn is_empty(&self) -> bool {
-        self.queue.is_empty()
+        self.queue.is_empty() && self.encryption.as_ref().is_none_or(Encryption::is_empty)
     }
 
     /// Bytes that wait.
     pub fn queued_bytes(&self) -> usize {
         let bytes = self.queue.iter().map(|envelope| envelope.bytes().len());
-        bytes.sum::<usize>() - self.written
+        let encrypted_bytes = self
+            .encryption
+            .as_ref()
+            .map_or(0, |encryption| encryption.rest().len());
+        bytes.sum::<usize>() - self.written + encrypted_bytes
     }
 
     /// Writes until the queue is empty.
     ///
     /// Cancel safe: goes on where it stopped, so that it can be one arm of a `select!`.
     pub async fn flush(&mut self) -> io::Result<()> {
-        while !self.queue.is_empty() {
-            let mut slices = [IoSlice::new(&[]); ENVELOPES_PER_CALL];
-            let mut skipped = self.written;
-            for (slice, envelope) in slices.iter_mut().zip(&self.queue) {
-                *slice = IoSlice::new(&envelope.bytes()[std::mem::take(&mut skipped)..]);
-            }
-            let count = self.stream.write_vectored(&slices).await?;
+        while !self.is_empty() {
+            let count = if self.encryption.is_some() {
+                self.write_encrypted().await?
+            } else {
+                self.write_plain().await?
+            };
             if count == 0 {
                 return Err(io::ErrorKind::WriteZero.into());
             }
-            self.forget(count);
         }
         self.stream.flush().await
+    }
+
+    async fn write_plain(&mut self) -> io::Result<usize> {
+        let mut slices = [IoSlice::new(&[]); ENVELOPES_PER_CALL];
+        let mut skipped = self.written;
+        for (slice, envelope) in slices.iter_mut().zip(&self.queue) {
+            *slice = IoSlice::new(&envelope.bytes()[std::mem::take(&mut skipped)..]);
+        }
+        let count = self.stream.write_vectored(&slices).await?;
+        self.forget(count);
+        Ok(count)
+    }
+
+    async fn write_encrypted(&mut self) -> io::Result<usize> {
+        self.encrypt_next().map_err(io::Error::other)?;
+        let Some(encryption) = &mut self.encryption else {
+            return Ok(0);
+        };
+        let count = self.stream.write(encryption.rest()).await?;
+        encryption.written += count;
+        Ok(count)
+    }
+
+    /// Encrypts some of the queue, once all that was encrypted before is written.
+    fn encrypt_next(&mut self) -> Result<(), SecureError> {
+        let Some(encryption) = self
+            .encryption
+            .as_mut()
+            .filter(|encryption| encryption.is_empty())
+        else {
+            return Ok(());
+        };
+        encryption.encrypted.clear();
+        encryption.written = 0;
+        while let Some(envelope) = self.queue.front() {
+            let room = ENCRYPTED_PER_CALL.saturating_sub(encryption.encrypted.len());
+            let rest = &envelope.bytes()[self.written..];
+            let piece = &rest[..rest.len().min(room)];
+            if piece.is_empty() {
+                break;
+            }
+            encryption.sealer.seal(piece, &mut encryption.encrypted)?;
+            self.written += piece.len();
+            if rest.len() == piece.len() {
+                self.queue.pop_front();
+                self.written = 0;
+            }
+        }
+        Ok(())
     }
 
     /// Pushes and flushes.
@@ -193,6 +315,16 @@ impl<M: Message, S: AsyncWrite + Unpin> Writer<M, S> {
             self.written -= first.bytes().len();
             self.queue.pop_front();
         }
+    }
+}
+
+impl Encryption {
+    fn rest(&self) -> &[u8] {
+        &self.encrypted[self.written..]
+    }
+
+    fn is_empty(&self) -> bool {
+        self.rest().is_empty()
     }
 }
 

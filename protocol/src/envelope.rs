@@ -213,7 +213,9 @@ impl Decoder {
         if arrived == 0 && self.buffer.len() > KEEP_BYTES {
             self.buffer = Vec::new();
         }
-        let room = self.missing_bytes().min(arrived).max(PIECE_BYTES);
+        // Of a peer of which nothing is known, no more than it may say.
+        let piece = PIECE_BYTES.min(LENGTH_BYTES + self.limit_bytes as usize);
+        let room = self.missing_bytes().min(arrived).max(piece);
         if self.end + room > self.buffer.len() {
             self.buffer.copy_within(self.start..self.end, 0);
             (self.start, self.end) = (0, arrived);
@@ -344,6 +346,17 @@ mod tests {
     fn before_the_handshake_only_small_envelopes_are_taken() {
         let large = enveloped(&vec![0xc0; HANDSHAKE_ENVELOPE_BYTES as usize + 1]);
         assert!(matches!(decoded(&large), Err(EnvelopeError::TooLong { .. })));
+    }
+
+    #[test]
+    fn a_peer_of_which_nothing_is_known_costs_4_kb() {
+        let mut decoder = Decoder::new();
+        decoder.push(&vec![0; HANDSHAKE_ENVELOPE_BYTES as usize]);
+        let held_bytes = decoder.held_bytes();
+        assert!(
+            held_bytes <= 2 * HANDSHAKE_ENVELOPE_BYTES as usize + LENGTH_BYTES,
+            "{held_bytes} bytes"
+        );
     }
 
     #[test]

@@ -7,6 +7,18 @@ use thiserror::Error;
 /// Bytes of the length that precedes each payload.
 pub const LENGTH_BYTES: usize = 4;
 
+/// What a side says to open a secure channel: four bytes of magic and a Noise message.
+pub const OPENING_BYTES: usize = 52;
+
+/// Plain bytes of a record in a secure channel.
+pub const RECORD_BYTES: usize = 16 << 10;
+
+/// Keys that are valid at once.
+pub const KEYS: usize = 2;
+
+/// A key file.
+pub const KEY_FILE_BYTES: usize = 4 << 10;
+
 /// Payload of an envelope before the handshake is done: a `hello`, `welcome` or `refused`.
 pub const HANDSHAKE_ENVELOPE_BYTES: u32 = 4 << 10;
 
@@ -47,6 +59,13 @@ pub const SLOTS: u32 = 1024;
 /// Workers that one master admits.
 pub const WORKERS: usize = 4096;
 
+/// Peers that have connected to a master and not yet been admitted. One more, and the oldest of them
+/// has to go.
+pub const STRANGERS: usize = 4096;
+
+/// Those of one address, for IPv6 of one network of 2⁶⁴ addresses.
+pub const STRANGERS_PER_ADDRESS: usize = 1024;
+
 /// Tasks that a worker may hold or have asked for at once: see [`leases`].
 pub const LEASES_PER_SLOT: u32 = 8;
 
@@ -83,7 +102,11 @@ pub const HANDSHAKE_WITHIN: Duration = Duration::from_secs(2);
 /// The master sends something at least this often: a `ping` if nothing else.
 pub const PING_EVERY: Duration = Duration::from_millis(250);
 
-/// Who has heard nothing for so long closes the connection.
+/// A worker that has heard nothing of its master for so long closes the connection and tries again: soon,
+/// because a broken link is better replaced than waited for.
+pub const MASTER_SILENCE: Duration = Duration::from_millis(1500);
+
+/// A master that has heard nothing of a worker for so long closes the connection.
 pub const SILENCE: Duration = Duration::from_secs(3);
 
 /// Tasks that a worker with so many slots may hold or have asked for at once.

@@ -9,8 +9,10 @@
 )]
 
 pub mod c_program;
+pub mod key;
 pub mod log;
 pub mod master;
+pub mod network;
 pub mod peer;
 pub mod programs;
 pub mod worker;

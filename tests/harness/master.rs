@@ -17,8 +17,9 @@ use tempfile::TempDir;
 
 use crate::{
     log::Log,
+    network::Host,
     pixels::Pixels,
-    programs::{children, program, root, signal},
+    programs::{begun_by, children, program, root, signal},
 };
 
 /// Only one frame is rendered at a time: its deadline is a matter between it and the whole machine.
@@ -81,10 +82,14 @@ impl Master {
         // The signal that comes with the limit is ignored, so that the write fails as any other;
         // bash counts in units of 1024 bytes.
         let script = format!("trap '' XFSZ; ulimit -f {kib}; exec \"$0\" \"$@\"");
-        let mut shell = Command::new("bash");
-        shell.args(["-c", &script]).arg(self.command.get_program());
-        shell.args(self.command.get_args());
-        self.command = shell;
+        self.command = begun_by("bash", &["-c", &script], &self.command);
+        self
+    }
+
+    /// Runs on another host.
+    #[must_use]
+    pub fn on(mut self, host: &Host) -> Self {
+        self.command = host.command(&self.command);
         self
     }
 
@@ -112,6 +117,7 @@ impl Master {
         self.command
             .current_dir(root())
             .env_remove("RUST_LOG")
+            .env_remove("GRIDLIGHT_KEY")
             .env("RUST_BACKTRACE", "1");
         self.command
             .stdin(Stdio::null())
@@ -211,6 +217,11 @@ impl Running {
     /// The worker that it started, if it is there.
     pub fn local_worker(&self) -> Option<u32> {
         children(self.process).first().copied()
+    }
+
+    /// Time since the start.
+    pub fn age(&self) -> Duration {
+        self.begun.elapsed()
     }
 
     /// Sleeps until so long after the start.

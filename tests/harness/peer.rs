@@ -7,10 +7,12 @@ use std::{
 };
 
 use protocol::{
-    FrameId, Radiance, Task, ToMaster, ToWorker,
+    FrameId, Key, Radiance, Task, ToMaster, ToWorker,
     envelope::{Decoded, Decoder, encode},
+    limits::OPENING_BYTES,
     message::{Assign, Hello, Pong, Prepared, Request, TaskResult},
     radiance::Encoding,
+    secure::{Caller, Channel},
     settings::Settings,
     version::{MAGIC, PROTOCOL},
 };
@@ -23,6 +25,10 @@ const PATIENCE: Duration = Duration::from_secs(30);
 pub struct Peer {
     stream: TcpStream,
     decoder: Decoder,
+    /// Once the master has answered a call.
+    channel: Option<Channel>,
+    /// All bytes that were sent.
+    sent: Vec<u8>,
 }
 
 /// A frame as a peer knows it.
@@ -45,7 +51,25 @@ impl Peer {
             .expect("a timeout can be set");
         let mut decoder = Decoder::new();
         decoder.handshake_done();
-        Self { stream, decoder }
+        Self {
+            stream,
+            decoder,
+            channel: None,
+            sent: Vec::new(),
+        }
+    }
+
+    /// Connects and opens a secure channel, which the master must answer.
+    #[track_caller]
+    pub fn connect_with_key(master: SocketAddr, key: &Key) -> Self {
+        let mut peer = Self::connect(master);
+        let (caller, call) = Caller::call(key).expect("a call can be made");
+        peer.send_bytes(&call);
+        let mut answer = [0; OPENING_BYTES];
+        let answered = peer.stream.read_exact(&mut answer);
+        answered.expect("the master answers");
+        peer.channel = Some(caller.answered(&answer).expect("the master has the key"));
+        peer
     }
 
     /// Joins as a worker of one slot and asks for tasks until it has some.
@@ -93,11 +117,28 @@ impl Peer {
     pub fn send_bytes(&mut self, bytes: &[u8]) {
         // A master that has closed already is what many tests are about.
         let _ = self.stream.write_all(bytes);
+        self.sent.extend_from_slice(bytes);
     }
 
     /// Sends a message.
     pub fn send(&mut self, message: &ToMaster) {
-        self.send_bytes(&encode(message).expect("a message within the limits"));
+        self.send_envelope(&encode(message).expect("a message within the limits"));
+    }
+
+    /// Sends the bytes of a message, sealed if the channel is.
+    pub fn send_envelope(&mut self, envelope: &[u8]) {
+        let Some(channel) = &mut self.channel else {
+            return self.send_bytes(envelope);
+        };
+        let mut sealed = Vec::new();
+        let done = channel.sealer.seal(envelope, &mut sealed);
+        done.expect("what is said can be sealed");
+        self.send_bytes(&sealed);
+    }
+
+    /// All that was sent so far, as somebody on the way could record it.
+    pub fn recorded(&self) -> Vec<u8> {
+        self.sent.clone()
     }
 
     /// The next message, pings answered on the way; `None` if the master has closed.
@@ -129,14 +170,30 @@ impl Peer {
     /// False if the master has closed.
     #[track_caller]
     fn read(&mut self) -> bool {
-        match self.stream.read(self.decoder.space()) {
+        let read = match &mut self.channel {
+            Some(channel) => self.stream.read(channel.opener.space()),
+            None => self.stream.read(self.decoder.space()),
+        };
+        match read {
             Ok(bytes) => {
-                self.decoder.filled(bytes);
+                self.take(bytes);
                 bytes > 0
             }
             // The master did not read all that it was sent.
             Err(error) if error.kind() == ErrorKind::ConnectionReset => false,
             Err(error) => panic!("the master neither speaks nor closes: {error}"),
+        }
+    }
+
+    /// Takes so many bytes that were just read.
+    #[track_caller]
+    fn take(&mut self, bytes: usize) {
+        let Some(channel) = &mut self.channel else {
+            return self.decoder.filled(bytes);
+        };
+        channel.opener.filled(bytes);
+        while let Some(piece) = channel.opener.open().expect("a master seals what it says") {
+            self.decoder.push(piece);
         }
     }
 }

@@ -30,12 +30,29 @@ pub fn program(name: &str) -> PathBuf {
     program
 }
 
+/// Lets this process have so many open files at a time.
+pub fn allow_open_files(count: usize) {
+    let allowed = Command::new("prlimit")
+        .args(["--pid", &std::process::id().to_string()])
+        .arg(format!("--nofile={count}:"))
+        .status();
+    assert!(allowed.expect("`prlimit` is on every Linux").success());
+}
+
 /// Sends a signal, by its name as `kill` knows it. A process that is gone gets none.
 pub fn signal(process: u32, name: &str) {
     let sent = Command::new("kill")
         .args(["-s", name, &process.to_string()])
         .output();
     sent.expect("`kill` is on every Unix");
+}
+
+/// The same command line as another's, begun by a program that runs the rest of its own arguments.
+pub fn begun_by(program: &str, arguments: &[&str], command: &Command) -> Command {
+    let mut whole = Command::new(program);
+    whole.args(arguments).arg(command.get_program());
+    whole.args(command.get_args());
+    whole
 }
 
 /// The processes that a process has started and that are still there.

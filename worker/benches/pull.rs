@@ -136,6 +136,7 @@ fn pulled(work: Work) -> Duration {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let options = WorkerOptions {
             connect: listener.local_addr().unwrap().to_string(),
+            keys: None,
             slots: SLOTS,
             name: "bench".to_owned(),
             policy: None,

@@ -5,10 +5,10 @@ use std::time::Duration;
 /// The first wait; short, because a master that was just started has seconds to live.
 const FIRST: Duration = Duration::from_millis(80);
 
-/// The longest wait.
-const LONGEST: Duration = Duration::from_secs(1);
+/// The longest wait. A worker is back within a second of its master, or of its link to it.
+const LONGEST: Duration = Duration::from_millis(800);
 
-/// Waits that double up to a second, each shortened by chance, so that the machines of a lab do not
+/// Waits that double up to the longest, each shortened by chance, so that the machines of a lab do not
 /// all come at the same moment.
 #[derive(Debug)]
 pub struct Backoff {

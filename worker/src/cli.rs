@@ -180,11 +180,19 @@ fn print(text: impl Display) -> anyhow::Result<()> {
 
 fn options(settings: Settings) -> anyhow::Result<WorkerOptions> {
     let policy = settings.policy();
+    let keys = settings.keys()?;
+    if let Some(keys) = &keys {
+        tracing::info!(
+            keys = keys.fingerprints(),
+            "only a master that has the key is believed"
+        );
+    }
     let no_address = "there is no address of a master; give --connect HOST:PORT, or `connect` in worker.toml";
     Ok(WorkerOptions {
         memory_max: settings.memory_max(),
         cache: settings.cache(),
         connect: settings.connect.context(no_address)?,
+        keys,
         slots: policy.slots_max,
         name: settings.name.unwrap_or_else(host_name),
         policy: Some(policy),

@@ -1,17 +1,17 @@
 //! Finds the master, stays with it, and comes back when the connection is lost.
 
+mod reach;
 mod session;
 
 use std::hash::{BuildHasher as _, RandomState};
 use std::io;
 use std::sync::Arc;
-use std::time::Duration;
 
-use anyhow::{Context as _, anyhow, bail};
-use tokio::net::{TcpStream, lookup_host};
+use anyhow::{Context as _, anyhow};
 use tokio::sync::watch;
-use tokio::time::{sleep, timeout};
+use tokio::time::sleep;
 
+use self::reach::Connection;
 use self::session::{End, Session};
 use crate::backoff::Backoff;
 use crate::clock::Clock;
@@ -28,9 +28,6 @@ use crate::service;
 use crate::signals::Signals;
 use crate::state::Ending;
 use crate::status::StatusBoard;
-
-/// How long one attempt to connect may take. A machine that is switched off does not answer at all.
-const CONNECT_WITHIN: Duration = Duration::from_secs(1);
 
 /// Why a worker ended as it should.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -96,13 +93,14 @@ impl Client {
         let overseer = self.overseer.as_ref();
         let mut allowance = overseer.map_or(everything, |overseer| overseer.allowance());
         loop {
+            let mut waiting_since = self.clock.now();
             let attempt = tokio::select! {
                 biased;
                 signal = self.signals.next() => return Ok(Ended::Signal(signal)),
-                attempt = connect_when_allowed(&self.options.connect, &mut allowance) => attempt,
+                attempt = reach_when_allowed(&self.options, &mut allowance) => attempt,
             };
             match attempt {
-                Ok(stream) => {
+                Ok(connection) => {
                     let session = Session::new(
                         &self.options,
                         self.clock,
@@ -110,9 +108,10 @@ impl Client {
                         &self.loader,
                         allowance.clone(),
                         &self.board,
-                        stream,
-                    )?;
+                        connection,
+                    );
                     let (joined, end) = session.run(&mut self.signals).await;
+                    waiting_since = self.clock.now();
                     if joined {
                         self.said = None;
                         backoff = Backoff::new();
@@ -123,10 +122,13 @@ impl Client {
                 }
                 Err(error) => self.unreachable(error)?,
             }
+            // An attempt at a machine that does not answer is a part of the wait for the next.
+            let waited = self.clock.now().saturating_sub(waiting_since);
+            let wait = backoff.wait(chance()).saturating_sub(waited);
             tokio::select! {
                 biased;
                 signal = self.signals.next() => return Ok(Ended::Signal(signal)),
-                () = sleep(backoff.wait(chance())) => {}
+                () = sleep(wait) => {}
             }
         }
     }
@@ -226,35 +228,13 @@ fn listen_to_people(overseer: &Arc<Overseer>, board: &StatusBoard) {
 }
 
 /// Leaves the master alone while no slot may work.
-async fn connect_when_allowed(
-    master: &str,
+async fn reach_when_allowed(
+    options: &WorkerOptions,
     allowance: &mut watch::Receiver<Allowance>,
-) -> anyhow::Result<TcpStream> {
+) -> anyhow::Result<Connection> {
     let allowed = allowance.wait_for(|allowance| allowance.slots > 0).await;
     allowed.context("the thread that looks at the machine is gone")?;
-    connect(master).await
-}
-
-async fn connect(master: &str) -> anyhow::Result<TcpStream> {
-    let attempt = async {
-        let addresses: Vec<_> = lookup_host(master)
-            .await
-            .with_context(|| format!("cannot resolve {master}"))?
-            .collect();
-        if addresses.is_empty() {
-            bail!("cannot resolve {master}: the name has no address");
-        }
-        TcpStream::connect(&addresses[..])
-            .await
-            .with_context(|| format!("no master at {master}"))
-    };
-    let in_time = timeout(CONNECT_WITHIN, attempt).await;
-    in_time.unwrap_or_else(|_| {
-        bail!(
-            "no master at {master}: no answer within {} s",
-            CONNECT_WITHIN.as_secs()
-        )
-    })
+    reach::master(options).await
 }
 
 /// A number from 0 to 1 that differs between machines and attempts. The standard library seeds its

@@ -8,8 +8,9 @@ use std::thread;
 use std::time::Duration;
 
 use embree4_sys::{Device, DeviceConfig};
-use protocol::connection;
+use protocol::connection::{self, Reader, Writer};
 use protocol::message::Hello;
+use protocol::opening;
 use protocol::{ToMaster, ToWorker, version};
 use serde::Serialize;
 use tokio::net::{TcpStream, lookup_host};
@@ -138,15 +139,38 @@ async fn master(settings: &Settings) -> Vec<Finding> {
         )],
         Ok(Ok(stream)) => vec![
             Finding::good("master", format!("{address} answers")),
-            handshake(stream).await,
+            match open(stream, settings).await {
+                Ok(connection) => handshake(connection).await,
+                Err(finding) => finding,
+            },
         ],
     }
 }
 
+/// Opens a connection, with the first key if there is one.
+async fn open(
+    stream: TcpStream,
+    settings: &Settings,
+) -> Result<(Reader<ToWorker>, Writer<ToMaster>), Finding> {
+    let bad = |text: String| {
+        Finding::bad(
+            "key",
+            text,
+            "see docs/security.md: master and worker need copies of one key file",
+        )
+    };
+    let keys = settings.keys().map_err(|error| bad(error.to_string()))?;
+    let Some(key) = keys.as_ref().and_then(|keys| keys.iter().next()) else {
+        return connection::open(stream).map_err(|error| bad(error.to_string()));
+    };
+    let called = timeout(ANSWER_WITHIN, opening::call(stream, key)).await;
+    let called = called.map_err(|_| bad("who listens there does not answer a call with a key".to_owned()))?;
+    called.map_err(|error| bad(error.to_string()))
+}
+
 /// Joins and leaves.
-async fn handshake(stream: TcpStream) -> Finding {
+async fn handshake((mut reader, mut writer): (Reader<ToWorker>, Writer<ToMaster>)) -> Finding {
     let conversation = async {
-        let (mut reader, mut writer) = connection::open::<ToWorker, ToMaster>(stream)?;
         writer.send(&ToMaster::Hello(hello())).await?;
         anyhow::Ok(reader.read().await?)
     };
@@ -159,7 +183,7 @@ async fn handshake(stream: TcpStream) -> Finding {
         Ok(Ok(Some(ToWorker::Refused(refused)))) => Finding::bad(
             "versions",
             refused.reason,
-            "install the same version on both machines",
+            "do as the master says; if it names versions, install the same on both machines",
         ),
         Ok(Ok(_)) => Finding::bad("versions", "who listens there says nothing of use", remedy),
         Ok(Err(error)) => Finding::bad("versions", format!("{error:#}"), remedy),

@@ -1,5 +1,7 @@
 //! What a worker is told when it starts.
 
+use protocol::Keys;
+
 use crate::disk_cache::CacheOptions;
 use crate::manners::Policy;
 use crate::priority::Priority;
@@ -9,6 +11,8 @@ use crate::priority::Priority;
 pub struct WorkerOptions {
     /// The master, as `HOST:PORT`.
     pub connect: String,
+    /// What it shows that it belongs to the grid, and asks of the master; `None`: nothing.
+    pub keys: Option<Keys>,
     /// Threads that render, 1 to [`protocol::limits::SLOTS`].
     pub slots: u32,
     /// Name by which people know this worker.

@@ -3,14 +3,15 @@
 use std::env;
 use std::fs;
 use std::num::NonZeroU32;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow, bail};
 use clap::{Args, Parser};
-use protocol::limits;
+use protocol::key_file::KeyFileError;
+use protocol::{Keys, key_file, limits};
 use toml::de::{DeTable, DeValue};
 
 use crate::cli::{address, name};
@@ -34,6 +35,10 @@ pub struct Settings {
     /// Where the master listens
     #[arg(long, value_name = "HOST:PORT", value_parser = address)]
     pub connect: Option<String>,
+
+    /// Key file, the same as the master's; whoever does not have the key is no master
+    #[arg(long, value_name = "FILE", env = "GRIDLIGHT_KEY")]
+    pub key: Option<PathBuf>,
 
     /// Threads that render; auto: one for each core that other programs leave free; a number: so many,
     /// whatever others do [default: auto]
@@ -124,6 +129,7 @@ impl Settings {
     pub fn or(self, others: Self) -> Self {
         Self {
             connect: self.connect.or(others.connect),
+            key: self.key.or(others.key),
             slots: self.slots.or(others.slots),
             slots_max: self.slots_max.or(others.slots_max),
             when: self.when.or(others.when),
@@ -148,6 +154,11 @@ impl Settings {
                 .map_or_else(cores, NonZeroU32::get)
                 .min(limits::SLOTS),
         }
+    }
+
+    /// What the key file holds, if there is one.
+    pub fn keys(&self) -> Result<Option<Keys>, KeyFileError> {
+        self.key.as_deref().map(key_file::read).transpose()
     }
 
     /// Where scenes are kept, if they are.
@@ -333,6 +344,7 @@ mod tests {
     /// Settings of a file in which everything is given.
     const WHOLE: &str = r#"
 connect = "lab-1:7420"
+key = "/etc/gridlight/key"
 slots = "auto"
 slots_max = 3
 when = "idle"

@@ -6,7 +6,7 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use protocol::limits::{HANDSHAKE_WITHIN, LEASES_PER_SLOT, SILENCE};
+use protocol::limits::{HANDSHAKE_WITHIN, LEASES_PER_SLOT, MASTER_SILENCE};
 use protocol::message::{
     Assign, Failed, FailedStep, Frame, Hello, Leaving, Message as _, Pong, Prepared, Request, SceneChunk,
     SceneRef, TaskResult, Want, text,
@@ -205,7 +205,7 @@ impl State {
             joined: false,
             heard_at: now,
             memory_max: u64::MAX,
-            silence: Some(SILENCE),
+            silence: Some(MASTER_SILENCE),
             scene: Scene::Missing,
             incoming: None,
             loading: None,

@@ -147,6 +147,7 @@ mod tests {
     fn people_read_in_four_lines_what_scripts_read_as_json() {
         let options = WorkerOptions {
             connect: "lab-1:7420".to_owned(),
+            keys: None,
             slots: 4,
             name: "lab-7".to_owned(),
             policy: None,

@@ -33,6 +33,7 @@ impl Running {
     fn start(master: &Master, slots: u32, renderer: Grey) -> Self {
         let options = WorkerOptions {
             connect: master.address.to_string(),
+            keys: None,
             slots,
             name: "lab-7".to_owned(),
             policy: None,
@@ -270,6 +271,7 @@ async fn a_worker_inside_a_program_goes_when_that_says_so() {
     let master = Master::listen().await;
     let options = WorkerOptions {
         connect: master.address.to_string(),
+        keys: None,
         slots: 2,
         name: "screen saver".to_owned(),
         policy: None,

@@ -4,14 +4,13 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Context as _;
 use protocol::connection::{ReadError, Reader, Writer};
 use protocol::message::Hello;
 use protocol::{FrameId, Task, ToMaster, ToWorker, limits, version};
-use tokio::net::TcpStream;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{sleep, timeout};
 
+use super::reach::Connection;
 use crate::clock::Clock;
 use crate::done::{Done, DoneReceiver, DoneSender};
 use crate::executor::{Executor, Job, StopTime};
@@ -88,9 +87,8 @@ impl<'a> Session<'a> {
         loader: &'a Loader,
         mut allowance: watch::Receiver<Allowance>,
         board: &'a StatusBoard,
-        stream: TcpStream,
-    ) -> anyhow::Result<Self> {
-        let (reader, writer) = protocol::connection::open(stream).context("cannot use the connection")?;
+        (reader, writer): Connection,
+    ) -> Self {
         let (done, dones) = mpsc::unbounded_channel();
         let state = State::new(clock.now(), hello(options)).with_memory_max(options.memory_max);
         let mut state = if options.lifetime == Lifetime::Service {
@@ -99,7 +97,7 @@ impl<'a> Session<'a> {
             state.patient()
         };
         state.handle(clock.now(), Event::Slots(allowance.borrow_and_update().slots));
-        Ok(Self {
+        Self {
             clock,
             executor,
             loader,
@@ -112,7 +110,7 @@ impl<'a> Session<'a> {
             done,
             dones,
             signal: None,
-        })
+        }
     }
 
     /// Works until the connection ends; says whether the master had welcomed this worker.
@@ -268,7 +266,7 @@ fn received(message: Result<Option<ToWorker>, ReadError>) -> Result<Event, End> 
     match message {
         Ok(Some(message)) => Ok(Event::Received(message)),
         Ok(None) => Err(End::Gone("it closed the connection".to_owned())),
-        Err(ReadError::Envelope(error)) => Err(End::Garbage(error.to_string())),
+        Err(error @ (ReadError::Envelope(_) | ReadError::Secure(_))) => Err(End::Garbage(error.to_string())),
         Err(error @ (ReadError::CutShort | ReadError::Io(_))) => Err(End::Gone(error.to_string())),
     }
 }

@@ -567,8 +567,11 @@ fn a_master_that_is_silent_too_long_is_given_up() {
         ms(1000),
         Event::Received(ToWorker::Ping(Ping { nonce: 1 })),
     );
-    assert_eq!(state.poll_timeout(), Some(ms(1000) + SILENCE));
-    assert_eq!(on(&mut state, ms(1000) + SILENCE, Event::Tick), silent(SILENCE));
+    assert_eq!(state.poll_timeout(), Some(ms(1000) + MASTER_SILENCE));
+    assert_eq!(
+        on(&mut state, ms(1000) + MASTER_SILENCE, Event::Tick),
+        silent(MASTER_SILENCE)
+    );
 }
 
 #[test]
@@ -665,7 +668,7 @@ fn slots_that_rest_for_a_moment_only_do_not_cost_the_frame() {
     let awake = on(&mut state, ms(900), Event::Slots(1));
     assert_eq!(awake, [Action::Awake(1, ms(900) + FINISHING_WITHIN)]);
     assert_eq!(on(&mut state, ms(1100), Event::Tick), []);
-    assert_eq!(state.poll_timeout(), Some(ms(0) + SILENCE));
+    assert_eq!(state.poll_timeout(), Some(ms(0) + MASTER_SILENCE));
 }
 
 #[test]
