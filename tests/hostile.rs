@@ -21,7 +21,7 @@ use protocol::{
     secure::Caller,
 };
 
-const WORK: &str = "--paper --size 128x96 --vpls 64 --vpl-sets 4 --spp 4 --local-slots 0";
+const WORK: &str = "--paper --size 128x96 --vpls 64 --vpl-sets 4 --spp 4 --local-slots 0 --pixels exact";
 
 /// A frame that waits for workers.
 fn start(flags: &str) -> Running {
