@@ -15,14 +15,10 @@ import piers
 import texture
 import vaulting
 import walls
-from plan import BAY, HALF_BAY, SHAFT_BACK, SHAFT_EAVES, SHAFT_FRONT, SHAFT_HALF, SHAFT_TOP
+from plan import BAY, HALF_BAY
 
 BAYS = 6
 EAST = BAYS * BAY  # where the apse begins
-
-# Radiance of the sky behind the windows: sun on the south side, blue in the north.
-SOUTH = (66.0, 60.0, 49.0)
-NORTH = (15.0, 18.5, 24.5)
 
 CAMERA = """\
 [camera]
@@ -40,7 +36,9 @@ MODULES = {
     "pier": (piers.pier, "A pier, its shafts up to the vault, the respond in the aisle."),
     "arcade": (walls.arcade, "The arch between two piers."),
     "triforium": (walls.triforium, "Three arches before a passage."),
-    "clerestory": (walls.clerestory, "A window under the vault."),
+    "clerestory": (walls.clerestory, "The wall about a window under the vault."),
+    "panes-south": (lambda: walls.panes("glass_sun"), "The glass of a window, with sun behind."),
+    "panes-north": (lambda: walls.panes("glass_sky"), "The glass of a window, with sky behind."),
     "vault": (vaulting.vault, "The ribbed vault over a bay of the nave."),
     "transverse-rib": (vaulting.transverse_rib, "The arch between two bays of the vault."),
     "aisle": (walls.aisle, "A bay of the aisle with its vault and outer wall."),
@@ -83,6 +81,7 @@ def building():
         x = k * BAY + HALF_BAY
         parts += [mesh("floor", x), mesh("vault", x)]
         parts += [both_sides(name, x) for name in ("arcade", "triforium", "clerestory", "aisle")]
+        parts += [mesh("panes-south", x), mesh("panes-north", x, turn=180.0)]
     for k in range(5):
         turn = 18.0 + 36.0 * k
         parts += [mesh("apse-side", EAST, turn=turn), mesh("apse-glass", EAST, turn=turn)]
@@ -95,37 +94,10 @@ def building():
     return "".join(parts)
 
 
-def window_light(x, side, radiance):
-    """The sky over the shaft outside one clerestory window: a quad that faces down and in."""
-    corner = [x - SHAFT_HALF, SHAFT_TOP, side * SHAFT_FRONT]
-    along = [2 * SHAFT_HALF, 0.0, 0.0]
-    down = [0.0, SHAFT_EAVES - SHAFT_TOP, side * (SHAFT_BACK - SHAFT_FRONT)]
-    u, v = (along, down) if side > 0 else (down, along)
-    return (
-        "\n[[light.quad]]\n"
-        f"corner = {rounded(corner)}\n"
-        f"edge_u = {rounded(u)}\n"
-        f"edge_v = {rounded(v)}\n"
-        f"radiance = {list(radiance)}\n"
-    )
-
-
-def rounded(values):
-    return [round(value, 4) for value in values]
-
-
-def lights():
-    """The clerestory's lights, south and north in each bay."""
-    centres = [k * BAY + HALF_BAY for k in range(BAYS)]
-    south = [window_light(x, 1.0, SOUTH) for x in centres]
-    north = [window_light(x, -1.0, NORTH) for x in centres]
-    return "".join(south + north)
-
-
 def scene():
     """The text of nave.toml."""
     head = "# A vaulted nave, lit through its clerestory. Written by generate.py.\n\n"
-    return head + CAMERA + building() + lights()
+    return head + CAMERA + building()
 
 
 def main():

@@ -27,15 +27,10 @@ VAULT_TOP = VAULT_SPRING + VAULT_RISE
 AISLE_RISE = 3.5
 AISLE_TOP = ARCADE_SPRING + AISLE_RISE
 WINDOW_SILL = 13.2  # at the face of the wall; it slopes up to the glass
-WINDOW_DEPTH = 1.0  # of the clerestory's wall
-# Outside each window of the clerestory is a shaft open to the sky: the sky's light falls
-# on its sloping floor and back, and the nave sees those more than the sky itself.
-SHAFT_FRONT = NAVE_WALL + WINDOW_DEPTH - 0.02
-SHAFT_BACK = NAVE_WALL + 2.0
-SHAFT_FLOOR = 13.9
-SHAFT_TOP = 18.75  # over the window; the light slopes down to the back
-SHAFT_EAVES = 17.2
-SHAFT_HALF = 1.7
+WINDOW_DEPTH = 0.6  # of the clerestory's jambs, from the face of the wall
+TRACERY_DEPTH = 0.5  # of the middle of the tracery; it stands half out of the panes
+PANE_DEPTH = 0.53  # of the clerestory's panes
+GLASS_SILL = 13.55  # where the sloping sill meets the panes
 
 DIAGONAL = Arch(dist((0, 0), (HALF_BAY, NAVE_WALL)), VAULT_SPRING, VAULT_RISE)
 TRANSVERSE = Arch(NAVE_WALL, VAULT_SPRING, VAULT_RISE)

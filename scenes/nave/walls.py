@@ -14,19 +14,16 @@ from plan import (
     CLERESTORY,
     FINE_TRACERY,
     FOUNDATION,
+    GLASS_SILL,
     HALF_BAY,
     NAVE_WALL,
     OUTER_WALL,
+    PANE_DEPTH,
     PIERS,
-    SHAFT_BACK,
-    SHAFT_EAVES,
-    SHAFT_FLOOR,
-    SHAFT_FRONT,
-    SHAFT_HALF,
-    SHAFT_TOP,
     SLIM_RIB,
     STRING,
     TRACERY,
+    TRACERY_DEPTH,
     TRIFORIUM,
     VAULT_TOP,
     WALL_RIB,
@@ -89,21 +86,28 @@ def triforium():
 
 
 def clerestory():
-    """The window under the vault: a deep splay, two lights, a foiled circle."""
+    """The wall about a window under the vault: a splay, two lights, a foiled circle."""
     mesh = Mesh()
     heights = [y for y in WALL_RIB_HEIGHTS if y > WINDOW_SILL]
-    section = [(0.36, 0.0), (0.3, -0.05), (0.24, 0.0), (0.2, 0.06)] + [
-        (0.0, 0.6),
-        (0.0, WINDOW_DEPTH),
-    ]
+    section = [(0.36, 0.0), (0.3, -0.05), (0.24, 0.0), (0.2, 0.06)]
+    section += [(0.0, PANE_DEPTH - 0.05), (0.0, WINDOW_DEPTH)]
     window_wall(mesh, WINDOW, WALL_RIB, heights, WINDOW_SILL, NAVE_WALL, section)
     wall = [[(x, y, NAVE_WALL) for x in (-HALF_BAY, HALF_BAY)] for y in (CLERESTORY, WINDOW_SILL)]
     mesh.grid("ashlar", wall, toward=(0.0, 15.0, 0.0))
     sloping_sill(
-        mesh, WINDOW.half_span + 0.36, WINDOW_SILL, SHAFT_FLOOR, NAVE_WALL, SHAFT_BACK - NAVE_WALL
+        mesh, WINDOW.half_span + 0.36, WINDOW_SILL, GLASS_SILL, NAVE_WALL, PANE_DEPTH + 0.02
     )
-    tracery(mesh, WINDOW, WINDOW_SILL + 0.2, NAVE_WALL + 0.72, steps=5)
-    light_shaft(mesh)
+    tracery(mesh, WINDOW, GLASS_SILL, NAVE_WALL + TRACERY_DEPTH, steps=5)
+    return mesh
+
+
+def panes(material):
+    """The pale glass of a clerestory's window: all of its light comes from here."""
+    mesh = Mesh()
+    outline = [(a, y) for ((a, y, _),) in WINDOW.rows([(0.0, 0.0)], evenly(6))]
+    foot = GLASS_SILL - 0.01
+    above = [(x, max(y, foot)) for x, y in outline]
+    mesh.polygon(material, [(x, y, NAVE_WALL + PANE_DEPTH) for x, y in above], toward=(0.0, 16.0, 0.0))
     return mesh
 
 
@@ -242,26 +246,6 @@ def sloping_sill(mesh, half_width, low, high, face, depth):
     """The slope below a window that throws its light down."""
     rows = [[(x, low, face), (x, high, face + depth)] for x in (-half_width, half_width)]
     mesh.grid("limestone", rows, toward=(0.0, 30.0, 0.0))
-
-
-def light_shaft(mesh):
-    """The whitewashed shaft outside a window; a sloping light closes it."""
-    front, low = SHAFT_FRONT, WINDOW_SILL
-    across = [-SHAFT_HALF, SHAFT_HALF]
-    back = [[(x, y, SHAFT_BACK) for x in across] for y in (low, SHAFT_EAVES + 0.05)]
-    mesh.grid("whitewash", back, toward=(0.0, 16.0, 0.0))
-    for x in across:
-        side = [[(x, y, z) for z in (front, SHAFT_BACK)] for y in (low, SHAFT_TOP + 0.05)]
-        mesh.grid("whitewash", side, toward=(0.0, 16.0, NAVE_WALL + 1.5))
-    # Beside and above the opening the shaft has a front, too.
-    for x0, x1 in ((WINDOW.half_span - 0.02, SHAFT_HALF), (-SHAFT_HALF, 0.02 - WINDOW.half_span)):
-        jamb = [[(x, y, front) for x in (x0, x1)] for y in (low, SHAFT_TOP + 0.05)]
-        mesh.grid("whitewash", jamb, toward=(0.0, 16.0, SHAFT_BACK))
-    outline = [(a, y) for ((a, y, _),) in WINDOW.rows([(-0.01, 0.0)], evenly(6))]
-    above = [(x, y) for x, y in outline if y >= WINDOW.base - 1e-6]
-    lower = [(x, y, front) for x, y in above]
-    upper = [(x, SHAFT_TOP + 0.05, front) for x, _ in above]
-    mesh.grid("whitewash", [lower, upper], toward=(0.0, 16.0, SHAFT_BACK))
 
 
 def tracery(mesh, window, foot, depth, steps):
