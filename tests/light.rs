@@ -153,17 +153,17 @@ fn the_light_of_the_progressive_algorithm_is_right() {
 fn the_light_of_the_nave_is_right() {
     let effort = Effort {
         algorithm: "component",
-        size: "128x128",
+        size: "128x96",
         light_samples: 256,
         vpls: 16_384,
-        paths: 256,
+        paths: 384,
     };
     let differences = compare("nave", effort);
-    // Two pictures of other seeds differ as much: by VPLs near to piers and ribs, and by paths that
-    // hardly ever find a window.
+    // Two pictures of other seeds differ as much: where stone meets stone, a VPL that happens to stand
+    // next to a pixel's point brightens its block.
     let limits = Blocks {
-        within: 0.16,
-        agreeing: 0.9,
+        within: 0.06,
+        agreeing: 0.95,
     };
     assert!(differences.are_within(limits), "{differences:?}");
 }

@@ -8,7 +8,7 @@ use render::{
     pixel_group::PixelGroups,
     scene::load::{LoadOptions, LoadedScene, load},
     settings::Settings,
-    vpl::{VplSet, trace_sets},
+    vpl::{VplSet, trace_sets, trace_sets_thoroughly},
 };
 use tokio::sync::mpsc;
 
@@ -127,6 +127,7 @@ fn prepare(job: &Job, clock: Clock, tell: impl Fn(Ready) + Sync) -> Result<(), F
     );
     let scene = Arc::new(scene.or_exit(Exit::Scene)?);
     let vpl_sets = match job.integrator {
+        Integrator::Vpl if job.deadline.is_none() => trace_sets_thoroughly(&scene, &settings),
         Integrator::Vpl => trace_sets(&scene, &settings),
         Integrator::Path => Vec::new(),
     };

@@ -122,10 +122,7 @@ impl DirectPass {
             let unbounded = GeometryBound::new(None);
             let terms = geometry_terms(&packet, points, index, |lane| normals[lane], unbounded, seen);
             for (lane, weight) in terms.into_iter().enumerate().take(pixels.len()) {
-                let light = weight * emitted[lane];
-                radiance.x[index * N + lane] += light.x;
-                radiance.y[index * N + lane] += light.y;
-                radiance.z[index * N + lane] += light.z;
+                radiance.add(index * N + lane, weight * emitted[lane]);
             }
         }
         rays

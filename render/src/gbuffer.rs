@@ -2,7 +2,7 @@
 
 use bytemuck::zeroed_vec;
 use embree4_sys as embree;
-use glam::{Vec2, Vec3};
+use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::{
@@ -41,6 +41,13 @@ impl Vec3Lanes {
         Vec3::new(self.x[lane], self.y[lane], self.z[lane])
     }
 
+    /// Adds to the vector in one lane.
+    pub(crate) fn add(&mut self, lane: usize, vector: Vec3) {
+        self.x[lane] += vector.x;
+        self.y[lane] += vector.y;
+        self.z[lane] += vector.z;
+    }
+
     fn set(&mut self, lane: usize, vector: Vec3) {
         [self.x[lane], self.y[lane], self.z[lane]] = vector.to_array();
     }
@@ -49,6 +56,28 @@ impl Vec3Lanes {
     #[inline]
     pub(crate) fn packet<const N: usize>(&self, packet: usize) -> [&[f32; N]; 3] {
         [&self.x, &self.y, &self.z].map(|axis| &axis.as_chunks::<N>().0[packet])
+    }
+}
+
+/// A point that receives light: one lane of a [`GBuffer`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Receiver {
+    /// World position, lifted off its surface; scene units.
+    pub position: Vec3,
+    /// Unit shading normal on the side that receives.
+    pub shading_normal: Vec3,
+    /// Unit geometric normal on the same side.
+    pub geometric_normal: Vec3,
+}
+
+impl Receiver {
+    /// A surface's point, lifted by `offset`.
+    pub fn new(point: &SurfacePoint, offset: f32) -> Self {
+        Self {
+            position: point.lifted(offset),
+            shading_normal: point.shading_normal,
+            geometric_normal: point.geometric_normal,
+        }
     }
 }
 
@@ -73,11 +102,43 @@ impl GBuffer {
         let mut lane = 0;
         trace_pixels(scene, size, pixels, centre, |hit| {
             if let Some((point, _)) = hit {
-                buffer.set(lane, &point, scene);
+                buffer.set(lane, Receiver::new(&point, scene.ray_offset()));
             }
             lane += 1;
         });
         buffer
+    }
+
+    /// The centres of `cells.x` × `cells.y` cells of the picture, row by row.
+    pub fn overview(scene: &TracedScene, size: ImageSize, cells: UVec2) -> Self {
+        let centre = |cell: u32, cells: u32, pixels: u32| {
+            (u64::from(2 * cell + 1) * u64::from(pixels) / u64::from(2 * cells)) as u32
+        };
+        let pixels: Vec<u32> = (0..cells.y)
+            .flat_map(|row| (0..cells.x).map(move |column| (row, column)))
+            .map(|(row, column)| {
+                centre(row, cells.y, size.height) * size.width + centre(column, cells.x, size.width)
+            })
+            .collect();
+        Self::trace(scene, size, &pixels)
+    }
+
+    /// Points that were found otherwise.
+    pub fn of_receivers(receivers: impl ExactSizeIterator<Item = Receiver>) -> Self {
+        let mut buffer = Self::unseen(receivers.len());
+        for (lane, receiver) in receivers.enumerate() {
+            buffer.set(lane, receiver);
+        }
+        buffer
+    }
+
+    /// The point in one lane.
+    pub fn receiver(&self, lane: usize) -> Receiver {
+        Receiver {
+            position: self.position.get(lane),
+            shading_normal: self.shading_normal.get(lane),
+            geometric_normal: self.geometric_normal.get(lane),
+        }
     }
 
     /// So many pixels that see nothing.
@@ -91,10 +152,10 @@ impl GBuffer {
         }
     }
 
-    fn set(&mut self, lane: usize, point: &SurfacePoint, scene: &TracedScene) {
-        self.position.set(lane, point.lifted(scene.ray_offset()));
-        self.shading_normal.set(lane, point.shading_normal);
-        self.geometric_normal.set(lane, point.geometric_normal);
+    fn set(&mut self, lane: usize, receiver: Receiver) {
+        self.position.set(lane, receiver.position);
+        self.shading_normal.set(lane, receiver.shading_normal);
+        self.geometric_normal.set(lane, receiver.geometric_normal);
     }
 }
 
@@ -119,7 +180,9 @@ impl Footprint {
         let mut lane = 0;
         trace_pixels(scene, size, pixels, place, |hit| {
             if let Some((point, _)) = hit {
-                footprint.points.set(lane, &point, scene);
+                footprint
+                    .points
+                    .set(lane, Receiver::new(&point, scene.ray_offset()));
                 footprint.albedo.set(lane, point.albedo);
             }
             lane += 1;

@@ -15,7 +15,7 @@ use render::{
     scene::ImageSize,
     settings::{Algorithm, LightPoints, Settings},
     task::{Component, Task},
-    vpl::trace_sets,
+    vpl::{trace_sets, trace_sets_thoroughly},
 };
 use rooms::{Room, all_tasks, mean, picture, picture_of, room_with_lamp};
 
@@ -153,6 +153,44 @@ fn many_vpls_converge_to_the_path_tracer() {
             "{what} light is {ratio} of the path tracer's"
         );
     }
+}
+
+/// Two rooms with a lamp each; the eye is in the first.
+#[test]
+fn vpls_stand_where_the_picture_sees_their_light() {
+    let mut room = Room::new(Vec3::new(0.5, 0.5, 0.05), Vec3::new(0.5, 0.45, 1.0), 70.0);
+    for corner in [Vec3::ZERO, 2.0 * Vec3::X] {
+        let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
+        let wall = Vec3::splat(0.6);
+        for (at, edge_u, edge_v) in [
+            (corner, x, y),
+            (corner, y, z),
+            (corner, z, x),
+            (corner + Vec3::ONE, -y, -x),
+            (corner + Vec3::ONE, -z, -y),
+            (corner + Vec3::ONE, -x, -z),
+        ] {
+            room = room.quad(at, edge_u, edge_v, wall, Vec3::ZERO);
+        }
+        let lamp = corner + Vec3::new(0.4, 0.98, 0.4);
+        room = room.quad(lamp, 0.2 * x, 0.2 * z, Vec3::ZERO, Vec3::ONE);
+    }
+    let scene = room.build();
+    let share_seen = |vpls| {
+        let settings = Settings {
+            vpls,
+            ..settings(Algorithm::Component)
+        };
+        let sets = trace_sets_thoroughly(&scene, &settings);
+        let vpls: Vec<_> = sets.into_iter().flat_map(|set| set.vpls).collect();
+        vpls.iter().filter(|vpl| vpl.position.x < 1.5).count() as f32 / vpls.len() as f32
+    };
+    assert_near("the share of a few VPLs by light", share_seen(1_024), 0.5, 0.05);
+    let many = share_seen(4_096);
+    assert!(
+        many > 0.7,
+        "only {many} of many VPLs are where their light is seen"
+    );
 }
 
 #[test]

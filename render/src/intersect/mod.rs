@@ -66,7 +66,12 @@ impl TracedScene {
 
     /// The nearest surface along a ray, oriented against it; `direction` has unit length.
     pub fn nearest(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
-        let ray = embree::Ray::new(origin.to_array(), direction.to_array());
+        self.nearest_within(origin, direction, f32::INFINITY)
+    }
+
+    /// The nearest surface along a ray, if it is no farther than `reach`; `direction` has unit length.
+    pub fn nearest_within(&self, origin: Vec3, direction: Vec3, reach: f32) -> Option<SurfacePoint> {
+        let ray = embree::Ray::new(origin.to_array(), direction.to_array()).between(0.0, reach);
         let hit = self.accelerated.intersect1(&ray)?;
         Some(SurfacePoint::new(
             &self.scene,

@@ -29,6 +29,21 @@ pub(super) fn choose(candidates: &[Vpl], weights: &[f64], count: u32, offset: f3
     chosen
 }
 
+/// Weights in proportion to the candidates' light, but for a `share` that goes by light times merit; their
+/// sum is that of the light.
+pub(super) fn mix(light: &[f64], merit: &[f64], share: f64) -> Vec<f64> {
+    let total: f64 = light.iter().sum();
+    let merits: f64 = light.iter().zip(merit).map(|(light, merit)| light * merit).sum();
+    // A share that nobody could claim goes by the light too.
+    let share = if merits > 0.0 { share } else { 0.0 };
+    let scale = if merits > 0.0 { share * total / merits } else { 0.0 };
+    light
+        .iter()
+        .zip(merit)
+        .map(|(light, merit)| light * (1.0 - share + scale * merit))
+        .collect()
+}
+
 /// Deals VPLs out to sets, every `sets`-th one to the same set, and makes each set an estimate of all
 /// light by itself.
 ///
@@ -171,5 +186,20 @@ mod tests {
         assert_eq!(spread_order(8), [0, 4, 2, 6, 1, 5, 3, 7]);
         assert_eq!(spread_order(3), [0, 2, 1]);
         assert_eq!(spread_order(1), [0]);
+    }
+
+    #[test]
+    fn merit_moves_weight_and_keeps_the_sum() {
+        let light = [1.0, 1.0, 5.0, 2.0];
+        let weights = mix(&light, &[3.0, 1.0, 0.0, 0.5], 0.5);
+        assert!((weights.iter().sum::<f64>() - light.iter().sum::<f64>()).abs() < 1e-12);
+        assert!(weights[0] > light[0] && weights[0] > weights[1]);
+        assert!((weights[2] - 0.5 * light[2]).abs() < 1e-12);
+    }
+
+    #[test]
+    fn where_nothing_has_merit_light_alone_decides() {
+        assert_eq!(mix(&[1.0, 4.0], &[0.0, 0.0], 0.5), [1.0, 4.0]);
+        assert_eq!(mix(&[], &[], 0.5), [] as [f64; 0]);
     }
 }

@@ -3,12 +3,13 @@
 mod choose;
 mod curve;
 mod gather;
+mod importance;
 mod trace;
 mod view;
 
 pub use gather::{Gather, GeometryBound};
 pub(crate) use gather::{aim, geometry_terms, trace};
-pub use trace::trace_sets;
+pub use trace::{trace_sets, trace_sets_thoroughly};
 
 use glam::Vec3;
 
