@@ -7,15 +7,16 @@ use std::{f32::consts::PI, sync::Arc};
 use glam::Vec3;
 use render::{
     frame::FrameRenderer,
-    gbuffer::trace_aovs,
+    gbuffer::{GBuffer, Vec3Lanes, trace_aovs},
     image::Picture,
     intersect::{BruteForce, TracedScene},
+    light::LightSampler,
     path::{Through, path_trace},
     sample::{Stream, warp::cosine_direction},
     scene::ImageSize,
     settings::{Algorithm, LightPoints, Settings},
     task::{Component, Task},
-    vpl::{trace_sets, trace_sets_thoroughly},
+    vpl::{Compensation, Gather, GeometryBound, automatic_bound, trace_sets, trace_sets_thoroughly},
 };
 use rooms::{Room, all_tasks, mean, picture, picture_of, room_with_lamp};
 
@@ -318,4 +319,111 @@ fn embree_finds_the_same_triangles_as_trying_them_all() {
         );
     }
     assert!((500..1_900).contains(&hits), "{hits} hits tell nothing");
+}
+
+/// The picture's indirect light by one bounded set, and by its compensation.
+///
+/// The bound is a sixteenth of the automatic one, so that it takes more; the compensation is the mean of
+/// so many passes.
+fn bounded_and_put_back(scene: &TracedScene, settings: &Settings, passes: u32) -> [Vec<Vec3>; 2] {
+    let set = trace_sets(scene, settings).swap_remove(0);
+    let bound = 0.0625 * automatic_bound(scene, settings, &set).expect("light in the picture");
+    let settings = Settings {
+        geometry_clamp: Some(bound),
+        ..*settings
+    };
+    let pixels: Vec<u32> = (0..SIZE.pixel_count() as u32).collect();
+    let points = GBuffer::trace(scene, SIZE, &pixels);
+    let albedo = trace_aovs(scene, SIZE).albedo;
+    let light = |count: u32, add: &dyn Fn(u32, &mut Vec3Lanes)| {
+        let mut radiance = Vec3Lanes::zeros(pixels.len());
+        (0..count).for_each(|pass| add(pass, &mut radiance));
+        (0..pixels.len())
+            .map(|pixel| albedo[pixel] * radiance.get(pixel) / count as f32)
+            .collect()
+    };
+    let lights = LightSampler::new(&scene.scene().emitters);
+    let compensation = Compensation::new(scene, &lights, &settings).expect("a bound");
+    let gather = Gather::new(scene, GeometryBound::new(Some(bound)));
+    [
+        light(1, &|_, radiance| {
+            gather.add(&points, &set.vpls, radiance);
+        }),
+        light(passes, &|pass, radiance| {
+            compensation.add(&pixels, &points, &set.vpls, pass, radiance);
+        }),
+    ]
+}
+
+/// The mean of independent estimates, and its standard error.
+fn mean_and_error(estimates: &[f32]) -> (f32, f32) {
+    let n = estimates.len() as f32;
+    let mean = estimates.iter().sum::<f32>() / n;
+    let squares: f32 = estimates.iter().map(|estimate| (estimate - mean).powi(2)).sum();
+    (mean, (squares / (n - 1.0) / n).sqrt())
+}
+
+#[test]
+fn compensation_puts_back_what_the_bound_takes_and_no_more() {
+    for (name, scene, expected) in [
+        ("the furnace", furnace(), 0.25),
+        (
+            "a room with corners",
+            room_with_lamp(),
+            mean(&gold(&room_with_lamp(), 1024).indirect).y,
+        ),
+    ] {
+        let (bounded, whole): (Vec<f32>, Vec<f32>) = (0..24)
+            .map(|seed| {
+                let few = Settings {
+                    vpls: 64,
+                    vpl_sets: 1,
+                    seed,
+                    ..settings(Algorithm::Component)
+                };
+                let [bounded, put_back] = bounded_and_put_back(&scene, &few, 1).map(|light| mean(&light).y);
+                (bounded, bounded + put_back)
+            })
+            .unzip();
+        let (bounded, _) = mean_and_error(&bounded);
+        let (whole, error) = mean_and_error(&whole);
+        assert!(
+            bounded < 0.98 * expected,
+            "in {name} the bound took nothing: {bounded} of {expected}"
+        );
+        assert!(
+            error < 0.01 * expected,
+            "{name}: an error of {error} tells nothing"
+        );
+        assert!(
+            (whole - expected).abs() < 3.5 * error.hypot(0.001 * expected),
+            "{name}: {whole} ± {error} is not {expected}"
+        );
+    }
+}
+
+#[test]
+fn compensated_vpls_leave_no_bright_spots() {
+    let scene = room_with_lamp();
+    let many = Settings {
+        vpls: 256,
+        vpl_sets: 1,
+        ..settings(Algorithm::Component)
+    };
+    let gold = gold(&scene, 256).indirect;
+    let off = |light: &[Vec3]| {
+        let squares = light
+            .iter()
+            .zip(&gold)
+            .map(|(light, gold)| (light.y - gold.y).powi(2));
+        (squares.sum::<f32>() / gold.len() as f32).sqrt() / mean(&gold).y
+    };
+    let unbounded = picture(&scene, &many).indirect;
+    let [bounded, put_back] = bounded_and_put_back(&scene, &many, 16);
+    let whole: Vec<Vec3> = bounded.iter().zip(put_back).map(|(a, b)| a + b).collect();
+    let (before, after) = (off(&unbounded), off(&whole));
+    assert!(
+        after < 0.5 * before,
+        "pixels are off by {after} of the mean, and by {before} without a bound"
+    );
 }

@@ -1,12 +1,14 @@
 //! Virtual point lights (Keller, "Instant radiosity", 1997): indirect diffuse light as many small lamps.
 
 mod choose;
+mod compensate;
 mod curve;
 mod gather;
 mod importance;
 mod trace;
 mod view;
 
+pub use compensate::{Compensation, automatic_bound};
 pub use gather::{Gather, GeometryBound};
 pub(crate) use gather::{aim, geometry_terms, trace};
 pub use trace::{trace_sets, trace_sets_thoroughly};
