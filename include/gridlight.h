@@ -496,7 +496,7 @@ gridlight_result gridlight_task_run(const gridlight_task *task,
                                     size_t *pixels_done_out);
 
 /**
- * Cancels a task, from any thread: if it runs, it returns within about a millisecond with what it has;
+ * Cancels a task, from any thread: if it runs, it returns within a few milliseconds with what it has;
  * if it is run later, it returns at once with nothing. It stays cancelled.
  *
  * @param task The task.

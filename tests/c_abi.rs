@@ -60,7 +60,7 @@ fn light_of_the_task() -> Vec<u8> {
         index: 2,
         passes: 1,
     };
-    let light = frame.render(task, &mut || false).radiance;
+    let light = frame.render(task, &mut |left| left).radiance;
     light.into_iter().flat_map(f32::to_le_bytes).collect()
 }
 

@@ -66,4 +66,4 @@ pub use geometry::{COORDINATE_MAX, GeometryId, TriangleMesh};
 pub use packet::{HitPacket, LaneMask, Lanes, PacketSize, RayHitPacket, RayPacket};
 pub use ray::{Coherence, Hit, Ray};
 pub use scene::{Bounds, BuildQuality, Scene, SceneBuilder};
-pub use vectors::with_wide_vectors;
+pub use vectors::{WideKernel, with_wide_vectors};

@@ -35,7 +35,7 @@ fn frame(criterion: &mut Criterion) {
     let outputs: Vec<_> = rooms::all_tasks(&settings)
         .into_iter()
         .filter(|task| (task.group + task.index) % 4 != 0)
-        .map(|task| (task, renderer.render(task, &mut || false).radiance))
+        .map(|task| (task, renderer.render(task, &mut |left| left).radiance))
         .collect();
     let buffers = || {
         let mut buffers = FrameBuffers::new(&settings, groups.clone());

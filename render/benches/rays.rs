@@ -2,8 +2,8 @@
 //! same run, in turns, so that a machine whose speed drifts does not decide.
 //!
 //! `cargo bench -p render --bench rays` prints rates in million rays per second of one thread and their
-//! ratios for the Cornell box and, where the scenes are, sibenik; then the other forms that packets
-//! could have.
+//! ratios for the Cornell box and, where the scenes are, the others; then the other orders and forms that
+//! packets could have.
 
 #![expect(
     clippy::print_stdout,
@@ -18,12 +18,15 @@ use std::{
     time::Duration,
 };
 
-use embree4_sys::{Coherence, FlushDenormals, LaneMask, Lanes, PacketSize, RayPacket, with_wide_vectors};
+use embree4_sys::{
+    Coherence, FlushDenormals, LaneMask, Lanes, PacketSize, RayPacket, WideKernel, with_wide_vectors,
+};
 use render::{
     gbuffer::{GBuffer, Vec3Lanes},
     intersect::TracedScene,
     pixel_group::PixelGroups,
     scene::{ImageSize, LoadOptions, load},
+    section::Section,
     settings::{Algorithm, Settings},
     vpl::{Gather, GeometryBound, Vpl, trace_sets},
 };
@@ -40,6 +43,10 @@ fn main() {
     if !std::env::args().any(|argument| argument == "--bench") {
         return;
     }
+    // `-- nave` asks for the scenes with this in their name.
+    let wanted = std::env::args()
+        .skip(1)
+        .find(|argument| !argument.starts_with('-'));
     let _flush = FlushDenormals::in_this_thread();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let scenes =
@@ -49,7 +56,11 @@ fn main() {
         "sibenik.toml",
         "nave/nave.toml",
         "conference.toml",
+        "sponza.toml",
     ] {
+        if wanted.as_ref().is_some_and(|wanted| !file.contains(wanted)) {
+            continue;
+        }
         match load(
             &root.join("scenes").join(file),
             &LoadOptions {
@@ -65,7 +76,10 @@ fn main() {
 /// G-buffer points of the first group and the VPLs of one set.
 struct Work {
     scene: Arc<TracedScene>,
-    points: Vec<GBuffer>,
+    /// All of them, along the curve.
+    points: GBuffer,
+    /// The same in the group's order, cut into chunks.
+    chunks: Vec<GBuffer>,
     vpls: Vec<Vpl>,
 }
 
@@ -76,9 +90,11 @@ fn bench_scene(name: &str, scene: render::scene::Scene) {
     };
     let settings = Settings::paper(Algorithm::Component, SIZE);
     let groups = PixelGroups::new(&settings);
-    let chunks = groups.pixels(0).chunks(groups.chunk_pixels());
+    let pixels = groups.pixels(0);
+    let chunks = pixels.chunks(groups.chunk_pixels());
     let work = Work {
-        points: chunks
+        points: Section::trace(&scene, SIZE, pixels).points().clone(),
+        chunks: chunks
             .map(|pixels| GBuffer::trace(&scene, SIZE, pixels))
             .collect(),
         vpls: trace_sets(&scene, &settings).swap_remove(0).vpls,
@@ -102,25 +118,17 @@ where
     Lanes<N>: PacketSize,
 {
     let gather = Gather::new(&work.scene, GeometryBound::new(None));
-    let mut prepared = near_pixels_to_one_vpl::<N>(work);
+    let mut prepared = near_points_to_one_vpl::<N>(&work.points, &work.vpls);
     let rays: u64 = prepared.iter().map(|(valid, _)| u64::from(valid.count())).sum();
-    let mut radiance: Vec<Vec3Lanes> = work
-        .points
-        .iter()
-        .map(|points| Vec3Lanes::zeros(points.position.x.len()))
-        .collect();
+    let mut radiance = Vec3Lanes::zeros(work.points.position.x.len());
     let (mut bare, mut visibility, mut whole) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         bare.push(time(|| trace(work, &mut prepared, Coherence::Incoherent)));
         visibility.push(time(|| {
-            for points in &work.points {
-                black_box(gather.count_visible(points, &work.vpls));
-            }
+            black_box(gather.count_visible(&work.points, &work.vpls));
         }));
         whole.push(time(|| {
-            for (points, radiance) in work.points.iter().zip(&mut radiance) {
-                black_box(gather.add(points, &work.vpls, radiance));
-            }
+            black_box(gather.add(&work.points, &work.vpls, &mut radiance));
         }));
     }
     println!(
@@ -142,32 +150,35 @@ where
 
 /// The same pairs of points and VPLs in the other orders and widths, bare.
 fn bench_forms(work: &Work) {
+    let Work {
+        points, chunks, vpls, ..
+    } = work;
     for (coherence, name) in [
         (Coherence::Incoherent, "incoherent"),
         (Coherence::Coherent, "coherent"),
     ] {
+        let near = "along the curve, one VPL";
+        let packets = near_points_to_one_vpl::<4>(points, vpls);
+        bench_form(work, &format!("{near}, 4 lanes, {name}"), packets, coherence);
+        let packets = near_points_to_one_vpl::<8>(points, vpls);
+        bench_form(work, &format!("{near}, 8 lanes, {name}"), packets, coherence);
+        let packets = near_points_to_one_vpl::<16>(points, vpls);
+        bench_form(work, &format!("{near}, 16 lanes, {name}"), packets, coherence);
+        let packets = chunks
+            .iter()
+            .flat_map(|points| near_points_to_one_vpl::<16>(points, vpls))
+            .collect();
         bench_form(
             work,
-            &format!("near pixels, one VPL, 4 lanes, {name}"),
-            near_pixels_to_one_vpl::<4>(work),
+            &format!("by chunks, one VPL, 16 lanes, {name}"),
+            packets,
             coherence,
         );
+        let packets = one_point_to_vpls::<16>(points, vpls);
         bench_form(
             work,
-            &format!("near pixels, one VPL, 8 lanes, {name}"),
-            near_pixels_to_one_vpl::<8>(work),
-            coherence,
-        );
-        bench_form(
-            work,
-            &format!("near pixels, one VPL, 16 lanes, {name}"),
-            near_pixels_to_one_vpl::<16>(work),
-            coherence,
-        );
-        bench_form(
-            work,
-            &format!("one pixel, 16 VPLs, 8 lanes, {name}"),
-            one_pixel_to_vpls::<8>(work),
+            &format!("one point, 16 VPLs, 16 lanes, {name}"),
+            packets,
             coherence,
         );
     }
@@ -190,34 +201,56 @@ fn trace<const N: usize>(work: &Work, packets: &mut Packets<N>, coherence: Coher
 where
     Lanes<N>: PacketSize,
 {
-    with_wide_vectors(|| {
-        for (valid, packet) in packets {
-            packet.tfar = [1.0; N];
-            work.scene.accelerated().occluded(valid, packet, coherence);
-            black_box(packet.tfar);
-        }
+    with_wide_vectors(Bare {
+        scene: &work.scene,
+        packets,
+        coherence,
     });
 }
 
-fn near_pixels_to_one_vpl<const N: usize>(work: &Work) -> Packets<N> {
+/// Nothing but Embree.
+struct Bare<'a, const N: usize> {
+    scene: &'a TracedScene,
+    packets: &'a mut Packets<N>,
+    coherence: Coherence,
+}
+
+impl<const N: usize> WideKernel for Bare<'_, N>
+where
+    Lanes<N>: PacketSize,
+{
+    type Output = ();
+
+    #[inline(always)]
+    #[expect(
+        clippy::inline_always,
+        reason = "it must be compiled for the processor's vectors, as the gather is"
+    )]
+    fn run(self) {
+        for (valid, packet) in self.packets {
+            self.scene.accelerated().occluded(valid, packet, self.coherence);
+            black_box(&packet.tfar);
+            // Ready for the next time; by then the write is long done.
+            packet.tfar = [1.0; N];
+        }
+    }
+}
+
+fn near_points_to_one_vpl<const N: usize>(points: &GBuffer, vpls: &[Vpl]) -> Packets<N> {
     let mut packets = Vec::new();
-    for points in &work.points {
-        for vpl in &work.vpls {
-            for first in (0..points.len).step_by(N) {
-                packets.extend(packet((first..first + N).map(|lane| (points, lane, vpl))));
-            }
+    for vpl in vpls {
+        for first in (0..points.len).step_by(N) {
+            packets.extend(packet((first..first + N).map(|lane| (points, lane, vpl))));
         }
     }
     packets
 }
 
-fn one_pixel_to_vpls<const N: usize>(work: &Work) -> Packets<N> {
+fn one_point_to_vpls<const N: usize>(points: &GBuffer, vpls: &[Vpl]) -> Packets<N> {
     let mut packets = Vec::new();
-    for points in &work.points {
-        for lane in 0..points.len {
-            for vpls in work.vpls.chunks(N) {
-                packets.extend(packet(vpls.iter().map(|vpl| (points, lane, vpl))));
-            }
+    for lane in 0..points.len {
+        for vpls in vpls.chunks(N) {
+            packets.extend(packet(vpls.iter().map(|vpl| (points, lane, vpl))));
         }
     }
     packets
@@ -228,6 +261,7 @@ fn packet<'a, const N: usize>(
     pairs: impl Iterator<Item = (&'a GBuffer, usize, &'a Vpl)>,
 ) -> Option<(LaneMask<N>, RayPacket<N>)> {
     let mut packet = RayPacket::new();
+    packet.tfar = [1.0; N];
     let mut faces = [false; N];
     for (lane, (points, point, vpl)) in pairs.enumerate() {
         let connection = points.position.get(point) - vpl.position;

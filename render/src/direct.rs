@@ -13,7 +13,7 @@ use crate::{
         sobol::{fold_seed, hash},
     },
     settings::{Algorithm, LightPoints, Settings},
-    vpl::{Gather, GeometryBound, Vpl, aim, geometry_terms, trace},
+    vpl::{Gather, GeometryBound, Vpl, aim, any_positive, geometry_terms, seen, trace},
 };
 
 /// Sets the light samples' numbers apart from those of other purposes.
@@ -116,9 +116,11 @@ impl DirectPass {
             let facing = aim(&mut packet, points, index, |lane| {
                 (positions[lane], normals[lane])
             });
-            let Some(seen) = trace(scene, &mut packet, facing, &mut rays) else {
+            if !any_positive(&facing) {
                 continue;
-            };
+            }
+            rays += trace(scene, &mut packet, &facing);
+            let seen = seen(&packet, &facing);
             let unbounded = GeometryBound::new(None);
             let terms = geometry_terms(&packet, points, index, |lane| normals[lane], unbounded, seen);
             for (lane, weight) in terms.into_iter().enumerate().take(pixels.len()) {

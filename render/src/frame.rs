@@ -1,6 +1,10 @@
-//! A frame as a worker renders it: any task of it, chunk after chunk.
+//! A frame as a worker renders it: any task of it, run after run.
 
-use std::sync::{Arc, OnceLock};
+use std::{
+    borrow::Cow,
+    ops::Range,
+    sync::{Arc, OnceLock},
+};
 
 use glam::{DVec3, Vec3};
 
@@ -11,6 +15,7 @@ use crate::{
     light::LightSampler,
     pixel_group::PixelGroups,
     sample::{hash, pixel::PixelSamples},
+    section::Section,
     settings::{Algorithm, Settings, SettingsError},
     task::{Component, RayCounts, Task},
     vpl::{Gather, GeometryBound, VplSet},
@@ -24,9 +29,9 @@ pub struct FrameRenderer {
     groups: PixelGroups,
     lights: LightSampler,
     vpl_sets: Vec<VplSet>,
-    /// The first surfaces of each chunk of each group: the same for every task of the group. None in the
+    /// The first surfaces of each section of each group: the same for every task of the group. None in the
     /// progressive algorithm, whose passes look elsewhere each time.
-    gbuffers: Vec<Vec<OnceLock<GBuffer>>>,
+    sections: Vec<Vec<OnceLock<Section>>>,
 }
 
 /// Why a frame cannot be rendered.
@@ -78,15 +83,15 @@ impl FrameRenderer {
             });
         }
         let groups = PixelGroups::new(&settings);
-        let chunks = |group| groups.pixels(group).len().div_ceil(groups.chunk_pixels());
+        let sections = |group| groups.pixels(group).len().div_ceil(groups.section_pixels());
         let kept = match settings.algorithm {
             Algorithm::Progressive => 0,
             _ => settings.groups,
         };
-        let gbuffers = (0..kept)
+        let sections = (0..kept)
             .map(|group| {
                 std::iter::repeat_with(OnceLock::new)
-                    .take(chunks(group))
+                    .take(sections(group))
                     .collect()
             })
             .collect();
@@ -97,7 +102,7 @@ impl FrameRenderer {
             groups,
             lights,
             vpl_sets,
-            gbuffers,
+            sections,
         })
     }
 
@@ -114,50 +119,96 @@ impl FrameRenderer {
         self.groups.pixels(group)
     }
 
-    /// Renders a task chunk by chunk, until it is done or `stop`, asked before each chunk, says so.
+    /// Renders a task in runs of whole chunks, the more at once the faster. `chunks` is asked before each
+    /// run how many of the chunks at hand it shall have; none ends the task.
     ///
     /// # Panics
     /// If the frame has no such task.
-    pub fn render(&self, task: Task, stop: &mut dyn FnMut() -> bool) -> TaskOutput {
+    pub fn render(&self, task: Task, chunks: &mut dyn FnMut(usize) -> usize) -> TaskOutput {
         assert!(self.has(task), "{task:?} is not a task of this frame");
         let pixels = self.groups.pixels(task.group);
+        let chunk_pixels = self.groups.chunk_pixels();
+        let floats = task.component.floats_per_pixel();
         let mut output = TaskOutput::default();
-        output
-            .radiance
-            .reserve_exact(pixels.len() * task.component.floats_per_pixel());
-        for (chunk, pixels) in pixels.chunks(self.groups.chunk_pixels()).enumerate() {
-            if stop() {
-                break;
+        output.radiance.reserve_exact(pixels.len() * floats);
+        for (number, pixels) in pixels.chunks(self.groups.section_pixels()).enumerate() {
+            let mut section = None;
+            let mut done = 0;
+            while done < pixels.len() {
+                let count = chunks((pixels.len() - done).div_ceil(chunk_pixels));
+                if count == 0 {
+                    return output;
+                }
+                let run = done..pixels
+                    .len()
+                    .min(done.saturating_add(count.saturating_mul(chunk_pixels)));
+                done = run.end;
+                if self.settings.algorithm == Algorithm::Progressive {
+                    // Near as they are, and the cache holds what a chunk needs.
+                    let chunks = pixels[run].chunks(chunk_pixels);
+                    chunks.for_each(|pixels| self.render_passes(task, pixels, &mut output));
+                    continue;
+                }
+                let section =
+                    section.get_or_insert_with(|| self.section(task, number, pixels, &mut output.rays));
+                self.render_run(task, section, run, pixels, &mut output);
             }
-            self.render_chunk(task, chunk, pixels, &mut output);
-            output.pixels_done += pixels.len() as u32;
         }
         output
     }
 
-    fn render_chunk(&self, task: Task, chunk: usize, pixels: &[u32], output: &mut TaskOutput) {
-        if self.settings.algorithm == Algorithm::Progressive {
-            return self.render_passes(task, pixels, output);
-        }
-        if task.component == Component::Full {
+    /// The first surfaces of a section of a task's group.
+    fn section(&self, task: Task, number: usize, pixels: &[u32], rays: &mut RayCounts) -> Cow<'_, Section> {
+        let mut trace = || {
+            rays.primary += pixels.len() as u64;
+            Section::trace(&self.scene, self.settings.size, pixels)
+        };
+        match task.component {
             // Each pixel comes once: nothing to keep.
-            let points = self.trace_points(pixels, &mut output.rays);
-            return self.render_full(pixels, &points, output);
+            Component::Full => Cow::Owned(trace()),
+            _ => Cow::Borrowed(self.sections[task.group as usize][number].get_or_init(trace)),
         }
-        let points = self.gbuffers[task.group as usize][chunk]
-            .get_or_init(|| self.trace_points(pixels, &mut output.rays));
+    }
+
+    /// Adds the light of a run of a section to the output; `pixels` are those of the section.
+    fn render_run(
+        &self,
+        task: Task,
+        section: &Section,
+        run: Range<usize>,
+        pixels: &[u32],
+        output: &mut TaskOutput,
+    ) {
+        let first = output.radiance.len();
+        let floats = task.component.floats_per_pixel();
+        output.radiance.resize(first + run.len() * floats, 0.0);
+        output.pixels_done += run.len() as u32;
+        let light_of_run = &mut output.radiance[first..];
+
+        let points = section.run(&run);
+        let pixels: Vec<u32> = points
+            .places()
+            .iter()
+            .map(|&place| pixels[place as usize])
+            .collect();
+        let places = points.places().iter().map(|&place| place as usize - run.start);
+        let points = points.points();
         let mut radiance = Vec3Lanes::zeros(points.position.x.len());
         output.rays.shadow += match task.component {
-            Component::Direct => self.add_direct(task.index, pixels, points, &mut radiance),
-            _ => self.add_indirect(task.index, points, &mut radiance),
+            Component::Direct => self.add_direct(task.index, &pixels, points, &mut radiance),
+            Component::Indirect => self.add_indirect(task.index, points, &mut radiance),
+            Component::Full => {
+                let light = self.render_full(&pixels, points, &mut output.rays);
+                return put(light, places, light_of_run);
+            }
         };
-        output
-            .radiance
-            .extend((0..pixels.len()).flat_map(|lane| radiance.get(lane).to_array()));
+        let light = (0..pixels.len()).map(|lane| radiance.get(lane).to_array());
+        put(light, places, light_of_run);
     }
 
     /// The sum over the task's passes, each through other places of the pixels.
     fn render_passes(&self, task: Task, pixels: &[u32], output: &mut TaskOutput) {
+        output.pixels_done += pixels.len() as u32;
         let mut sums = vec![Vec3::ZERO; pixels.len()];
         for pass in task.index..task.index + task.passes {
             let samples = PixelSamples::new(self.settings.seed, pass);
@@ -190,14 +241,20 @@ impl FrameRenderer {
         (pass ^ begin) % self.settings.vpl_sets
     }
 
-    /// All passes and all sets of a chunk, with the same means as the component-based buffers have.
-    fn render_full(&self, pixels: &[u32], points: &GBuffer, output: &mut TaskOutput) {
+    /// All passes and all sets, direct then indirect light of each lane, with the same means as the
+    /// component-based buffers have.
+    fn render_full(
+        &self,
+        pixels: &[u32],
+        points: &GBuffer,
+        rays: &mut RayCounts,
+    ) -> impl Iterator<Item = [f32; 6]> + use<> {
         let lanes = points.position.x.len();
         let mut mean = |count: u32, add: &dyn Fn(u32, &mut Vec3Lanes) -> u64| -> Vec<DVec3> {
             let mut sums = vec![DVec3::ZERO; lanes];
             for index in 0..count {
                 let mut radiance = Vec3Lanes::zeros(lanes);
-                output.rays.shadow += add(index, &mut radiance);
+                rays.shadow += add(index, &mut radiance);
                 for (lane, sum) in sums.iter_mut().enumerate() {
                     *sum += radiance.get(lane).as_dvec3();
                 }
@@ -210,17 +267,10 @@ impl FrameRenderer {
         let indirect = mean(self.settings.vpl_sets, &|set, radiance| {
             self.add_indirect(set, points, radiance)
         });
-        let both = direct.iter().zip(&indirect).take(pixels.len());
-        output.radiance.extend(both.flat_map(|(direct, indirect)| {
-            [direct, indirect]
-                .into_iter()
-                .flat_map(|light| light.as_vec3().to_array())
-        }));
-    }
-
-    fn trace_points(&self, pixels: &[u32], rays: &mut RayCounts) -> GBuffer {
-        rays.primary += pixels.len() as u64;
-        GBuffer::trace(&self.scene, self.settings.size, pixels)
+        direct.into_iter().zip(indirect).map(|(direct, indirect)| {
+            let ([r, g, b], [ir, ig, ib]) = (direct.as_vec3().to_array(), indirect.as_vec3().to_array());
+            [r, g, b, ir, ig, ib]
+        })
     }
 
     fn add_direct(&self, pass: u32, pixels: &[u32], points: &GBuffer, radiance: &mut Vec3Lanes) -> u64 {
@@ -230,5 +280,17 @@ impl FrameRenderer {
     fn add_indirect(&self, set: u32, points: &GBuffer, radiance: &mut Vec3Lanes) -> u64 {
         let bound = GeometryBound::new(self.settings.geometry_clamp);
         Gather::new(&self.scene, bound).add(points, &self.vpl_sets[set as usize].vpls, radiance)
+    }
+}
+
+/// Puts the light of each lane into its place.
+fn put<const N: usize>(
+    light: impl Iterator<Item = [f32; N]>,
+    places: impl Iterator<Item = usize>,
+    radiance: &mut [f32],
+) {
+    let (pixels, _) = radiance.as_chunks_mut::<N>();
+    for (light, place) in light.zip(places) {
+        pixels[place] = light;
     }
 }

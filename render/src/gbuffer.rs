@@ -48,6 +48,17 @@ impl Vec3Lanes {
         self.z[lane] += vector.z;
     }
 
+    /// The vectors in the given lanes, padded by zeros.
+    fn select(&self, lanes: &[u32]) -> Self {
+        let padded = lanes.len().next_multiple_of(LANES_MAX);
+        let [x, y, z] = [&self.x, &self.y, &self.z].map(|axis| {
+            let mut selected: Vec<f32> = lanes.iter().map(|&lane| axis[lane as usize]).collect();
+            selected.resize(padded, 0.0);
+            selected
+        });
+        Self { x, y, z }
+    }
+
     fn set(&mut self, lane: usize, vector: Vec3) {
         [self.x[lane], self.y[lane], self.z[lane]] = vector.to_array();
     }
@@ -156,6 +167,17 @@ impl GBuffer {
         self.position.set(lane, receiver.position);
         self.shading_normal.set(lane, receiver.shading_normal);
         self.geometric_normal.set(lane, receiver.geometric_normal);
+    }
+
+    /// The points in the given lanes, in their order.
+    #[must_use]
+    pub fn select(&self, lanes: &[u32]) -> Self {
+        Self {
+            len: lanes.len(),
+            position: self.position.select(lanes),
+            shading_normal: self.shading_normal.select(lanes),
+            geometric_normal: self.geometric_normal.select(lanes),
+        }
     }
 }
 

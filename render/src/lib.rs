@@ -2,13 +2,14 @@
 //!
 //! The modules stand in the order of the data's way: a [`scene`] is made ready for rays ([`intersect`]),
 //! its [`camera`]'s pixels are spread over groups ([`pixel_group`]), each [`task`] of a frame
-//! ([`settings`], [`frame`]) samples one component of the light ([`gbuffer`], [`direct`], [`vpl`]), the
+//! ([`settings`], [`frame`]) samples one component of the light ([`gbuffer`], [`section`], [`direct`], [`vpl`]), the
 //! samples are added up ([`buffer`]), what is missing is filled in ([`reconstruct`]) and an [`image`]
 //! comes out.
 
 pub mod scene;
 
 pub mod camera;
+mod curve;
 pub mod intersect;
 pub mod light;
 pub mod path;
@@ -21,6 +22,7 @@ pub mod task;
 pub mod direct;
 pub mod frame;
 pub mod gbuffer;
+pub mod section;
 pub mod vpl;
 
 pub mod buffer;

@@ -6,9 +6,9 @@
 //! union of consecutive groups and any beginning of a group, is spread evenly over the image.
 //!
 //! Within a group the order is cut into chunks. Inside a chunk the pixels follow a Morton curve, since
-//! rays to near pixels traced together are two to four times as fast as rays to pixels far apart. The
-//! progressive algorithm, which comes to every pixel many times, orders the whole group so: the pixels of
-//! a chunk are then as near as a group allows.
+//! rays through near pixels are faster together; for how shadow rays are put together, see
+//! [`section`](crate::section). The progressive algorithm, which comes to every pixel many times, orders
+//! the whole group so: the pixels of a chunk are then as near as a group allows.
 
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ use crate::{
     settings::{Algorithm, Settings},
 };
 
-/// Rays in one chunk, about a millisecond of work.
+/// Rays in one chunk, a millisecond or two of work.
 const RAYS_PER_CHUNK: usize = 16_384;
 /// Chunks hold a multiple of this many pixels, the widest ray packet.
 const CHUNK_STEP: usize = 16;
@@ -26,6 +26,8 @@ const CHUNK_STEP: usize = 16;
 const CHUNK_MAX: usize = 1_024;
 /// Largest chunk of the progressive algorithm, whose tasks take several passes over each.
 const CHUNK_MAX_PROGRESSIVE: usize = 256;
+/// About so many pixels are in a section: a few milliseconds of rays from the eye, which nothing stops.
+const SECTION_PIXELS: usize = 16_384;
 
 /// The division of an image into groups.
 #[derive(Debug, Clone)]
@@ -98,6 +100,12 @@ impl PixelGroups {
     /// Pixels in a chunk; the last one of a group may have fewer.
     pub fn chunk_pixels(&self) -> usize {
         self.chunk_pixels
+    }
+
+    /// Pixels in a section, whole chunks of them that may be rendered together; the last one of a group may
+    /// have fewer.
+    pub fn section_pixels(&self) -> usize {
+        (SECTION_PIXELS / self.chunk_pixels).max(1) * self.chunk_pixels
     }
 
     /// Whether a task may end after this many pixels of the group: after whole chunks, or all.

@@ -259,7 +259,7 @@ impl Frame for Shining {
         true
     }
 
-    fn render(&self, _: Task, _: &mut dyn FnMut() -> bool) -> Output {
+    fn render(&self, _: Task, _: &mut dyn FnMut(usize) -> usize) -> Output {
         Output {
             pixels: PIXELS,
             radiance: Radiance::pack(&shine(self.0), Encoding::Exact),

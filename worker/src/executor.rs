@@ -13,6 +13,7 @@ use protocol::{FrameId, Task};
 
 use crate::clock::Clock;
 use crate::done::{Done, DoneSender, panic_text};
+use crate::pace::Pace;
 use crate::priority::Priority;
 use crate::renderer::Frame;
 use crate::state::Outcome;
@@ -150,8 +151,9 @@ impl Shared {
     /// The life of a slot.
     fn work(&self, slot: usize) {
         let _mode = FlushDenormals::in_this_thread();
+        let mut pace = Pace::default();
         while let Some(job) = self.next(slot) {
-            let outcome = self.run(&job, &self.rests[slot]);
+            let outcome = self.run(&job, &self.rests[slot], &mut pace);
             // Nobody listens if the connection has ended meanwhile.
             let _ = job.done.send(Done::Task(job.id, job.task, outcome));
         }
@@ -171,24 +173,29 @@ impl Shared {
         None
     }
 
-    fn run(&self, job: &Job, rest: &StopTime) -> Outcome {
+    fn run(&self, job: &Job, rest: &StopTime, pace: &mut Pace) -> Outcome {
         let begun = self.clock.now();
-        if job.stop.has_come(begun) {
+        if job.stop.time_left(begun).is_zero() {
             return Outcome::NotStarted;
         }
         if !job.frame.has(job.task) {
             return Outcome::Broke(format!("the frame has no task {}", job.task));
         }
-        let mut stop = || {
+        pace.begin(job.id, job.task.component, job.task.passes);
+        let mut chunks = |left| {
             let now = self.clock.now();
-            job.stop.has_come(now) || rest.has_come(now)
+            pace.next(left, now, job.stop.time_left(now).min(rest.time_left(now)))
         };
         // A task that breaks must end neither the slot nor the worker.
-        match catch_unwind(AssertUnwindSafe(|| job.frame.render(job.task, &mut stop))) {
-            Ok(output) => Outcome::Rendered {
-                output,
-                busy: self.clock.now().saturating_sub(begun),
-            },
+        match catch_unwind(AssertUnwindSafe(|| job.frame.render(job.task, &mut chunks))) {
+            Ok(output) => {
+                let now = self.clock.now();
+                pace.end(now);
+                Outcome::Rendered {
+                    output,
+                    busy: now.saturating_sub(begun),
+                }
+            }
             Err(panic) => Outcome::Broke(panic_text(&*panic)),
         }
     }
@@ -218,9 +225,10 @@ impl StopTime {
         self.set(Some(Duration::ZERO));
     }
 
-    fn has_come(&self, now: Duration) -> bool {
+    /// Zero when the time has come.
+    fn time_left(&self, now: Duration) -> Duration {
         // Nothing else is published through this number, so no order is needed.
-        now.as_micros() >= u128::from(self.micros.load(Ordering::Relaxed))
+        Duration::from_micros(self.micros.load(Ordering::Relaxed)).saturating_sub(now)
     }
 }
 
@@ -232,7 +240,7 @@ mod tests {
     use super::*;
     use crate::renderer::Output;
 
-    /// Renders a pixel per call of `stop`; group 13 breaks.
+    /// Renders a pixel per question; group 13 breaks.
     #[derive(Debug)]
     struct Counting {
         pixels: u32,
@@ -243,9 +251,9 @@ mod tests {
             task.group < 20
         }
 
-        fn render(&self, task: Task, stop: &mut dyn FnMut() -> bool) -> Output {
+        fn render(&self, task: Task, chunks: &mut dyn FnMut(usize) -> usize) -> Output {
             assert!(task.group != 13, "thirteen");
-            let pixels = (0..self.pixels).take_while(|_| !stop()).count() as u32;
+            let pixels = (0..self.pixels).take_while(|_| chunks(1) > 0).count() as u32;
             Output {
                 pixels,
                 ..Output::default()

@@ -24,6 +24,7 @@ pub mod exit;
 pub mod loader;
 pub mod machine;
 pub mod overseer;
+pub mod pace;
 pub mod priority;
 pub mod renderer;
 pub mod scene_cache;

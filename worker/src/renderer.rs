@@ -35,8 +35,9 @@ pub trait Frame: Send + Sync + fmt::Debug {
     /// Whether the frame has this task.
     fn has(&self, task: Task) -> bool;
 
-    /// Renders a task that the frame has, until it is done or `stop` says so.
-    fn render(&self, task: Task, stop: &mut dyn FnMut() -> bool) -> Output;
+    /// Renders a task that the frame has. `chunks` is asked again and again how many of the chunks that are
+    /// left to render next; none ends the task.
+    fn render(&self, task: Task, chunks: &mut dyn FnMut(usize) -> usize) -> Output;
 }
 
 /// What a task yielded.

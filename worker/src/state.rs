@@ -22,7 +22,7 @@ const AHEAD: Duration = Duration::from_millis(5);
 /// Chunks of a scene that were asked for and not yet taken: one on its way while another is unpacked.
 const CHUNKS_AT_ONCE: usize = 2;
 
-/// How long the slots of a worker that leaves may take to stop; a chunk takes about a millisecond.
+/// How long the slots of a worker that leaves may take to stop; they look at the clock every 12 ms or so.
 const STOPPING_WITHIN: Duration = Duration::from_millis(60);
 
 /// How long a slot that is to rest may go on with its task. No other worker will ever do the rest of it,

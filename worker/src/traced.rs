@@ -72,8 +72,8 @@ impl Frame for PreparedFrame {
         self.renderer.has(task_of(task))
     }
 
-    fn render(&self, task: protocol::Task, stop: &mut dyn FnMut() -> bool) -> Output {
-        let output = self.renderer.render(task_of(task), stop);
+    fn render(&self, task: protocol::Task, chunks: &mut dyn FnMut(usize) -> usize) -> Output {
+        let output = self.renderer.render(task_of(task), chunks);
         Output {
             pixels: output.pixels_done,
             radiance: Radiance::pack(&output.radiance, self.encoding),

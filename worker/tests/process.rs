@@ -307,7 +307,7 @@ async fn a_task_has_the_same_bits_from_a_worker_as_from_the_renderer_here() {
             index,
             passes: 1,
         };
-        let expected = here.render(task, &mut || false);
+        let expected = here.render(task, &mut |left| left);
         assert_eq!(result.pixels, expected.pixels_done);
         let radiance = result.radiance.unpack();
         assert_eq!(radiance, expected.radiance);

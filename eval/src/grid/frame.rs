@@ -208,9 +208,9 @@ impl VirtualFrame<'_> {
             index: task.index * count + point,
             ..task
         };
-        let mut sum = self.renderer.render(pass(0), &mut || false);
+        let mut sum = self.renderer.render(pass(0), &mut |left| left);
         for point in 1..count {
-            let output = self.renderer.render(pass(point), &mut || false);
+            let output = self.renderer.render(pass(point), &mut |left| left);
             sum.rays.shadow += output.rays.shadow;
             sum.radiance
                 .iter_mut()

@@ -44,20 +44,21 @@ impl<'a> Gather<'a> {
     /// Adds the light of all VPLs to `radiance`, one lane per point: radiance per unit albedo,
     /// W·m⁻²·sr⁻¹. Returns the number of shadow rays.
     pub fn add(&self, points: &GBuffer, vpls: &[Vpl], radiance: &mut Vec3Lanes) -> u64 {
-        embree::with_wide_vectors(|| match self.scene.packet_width() {
-            embree::PacketWidth::W4 => self.add_by::<4>(points, vpls, radiance),
-            embree::PacketWidth::W8 => self.add_by::<8>(points, vpls, radiance),
-            embree::PacketWidth::W16 => self.add_by::<16>(points, vpls, radiance),
+        embree::with_wide_vectors(Add {
+            gather: self,
+            points,
+            vpls,
+            radiance,
         })
     }
 
     /// Number of pairs of a VPL and a point that see each other: the rays of [`Gather::add`] without
     /// its light.
     pub fn count_visible(&self, points: &GBuffer, vpls: &[Vpl]) -> u64 {
-        embree::with_wide_vectors(|| match self.scene.packet_width() {
-            embree::PacketWidth::W4 => self.count_visible_by::<4>(points, vpls),
-            embree::PacketWidth::W8 => self.count_visible_by::<8>(points, vpls),
-            embree::PacketWidth::W16 => self.count_visible_by::<16>(points, vpls),
+        embree::with_wide_vectors(CountVisible {
+            gather: self,
+            points,
+            vpls,
         })
     }
 
@@ -67,18 +68,11 @@ impl<'a> Gather<'a> {
         embree::Lanes<N>: embree::PacketSize,
     {
         let mut visible = [0_u32; N];
-        let mut rays = 0;
-        for vpl in vpls {
-            let mut packet = rays_from::<N>(vpl.position);
-            for index in 0..points.len.div_ceil(N) {
-                let facing = aim(&mut packet, points, index, |_| (vpl.position, vpl.normal));
-                if let Some(seen) = trace(self.scene, &mut packet, facing, &mut rays) {
-                    for lane in 0..N {
-                        visible[lane] += u32::from(seen[lane] > 0.0);
-                    }
-                }
+        self.trace_all::<N>(points, vpls, |_, _, _, seen| {
+            for lane in 0..N {
+                visible[lane] += u32::from(seen[lane] > 0.0);
             }
-        }
+        });
         visible.into_iter().map(u64::from).sum()
     }
 
@@ -87,32 +81,127 @@ impl<'a> Gather<'a> {
     where
         embree::Lanes<N>: embree::PacketSize,
     {
-        let packets = points.len.div_ceil(N);
-        let mut rays = 0;
-        for vpl in vpls {
+        self.trace_all::<N>(points, vpls, |vpl, index, packet, seen| {
             // The receiver's BSDF per unit albedo is 1/π.
             let [r, g, b] = (vpl.intensity / std::f32::consts::PI).to_array();
-            let mut packet = rays_from::<N>(vpl.position);
-            for index in 0..packets {
-                let facing = aim(&mut packet, points, index, |_| (vpl.position, vpl.normal));
-                let Some(seen) = trace(self.scene, &mut packet, facing, &mut rays) else {
-                    continue;
-                };
-                let terms = geometry_terms(&packet, points, index, |_| vpl.normal, self.bound, seen);
-                add_scaled(&mut radiance.x, index, &terms, r);
-                add_scaled(&mut radiance.y, index, &terms, g);
-                add_scaled(&mut radiance.z, index, &terms, b);
+            let terms = geometry_terms(packet, points, index, |_| vpl.normal, self.bound, seen);
+            add_scaled(&mut radiance.x, index, &terms, r);
+            add_scaled(&mut radiance.y, index, &terms, g);
+            add_scaled(&mut radiance.z, index, &terms, b);
+        })
+    }
+
+    /// Traces the rays from all VPLs to all points that they face, and shows each packet of rays that has
+    /// any: its VPL, the number of its points' packet, and which lanes are [`seen`]. Returns the number of
+    /// rays.
+    #[inline(always)]
+    fn trace_all<const N: usize>(
+        &self,
+        points: &GBuffer,
+        vpls: &[Vpl],
+        mut show: impl FnMut(&Vpl, usize, &embree::RayPacket<N>, [f32; N]),
+    ) -> u64
+    where
+        embree::Lanes<N>: embree::PacketSize,
+    {
+        let packets = points.len.div_ceil(N);
+        let mut batch: [Aimed<N>; BATCH] = std::array::from_fn(|_| Aimed::new());
+        let mut rays = 0;
+        for first in (0..packets).step_by(BATCH) {
+            for vpl in vpls {
+                let mut count = 0;
+                for index in first..packets.min(first + BATCH) {
+                    let aimed = &mut batch[count];
+                    aimed.index = index;
+                    aimed.start_at(vpl.position);
+                    aimed.facing = aim(&mut aimed.packet, points, index, |_| (vpl.position, vpl.normal));
+                    // A packet of which no lane faces the light is overwritten by the next one.
+                    count += usize::from(any_positive(&aimed.facing));
+                }
+                for aimed in &mut batch[..count] {
+                    rays += trace(self.scene, &mut aimed.packet, &aimed.facing);
+                }
+                for aimed in &batch[..count] {
+                    show(
+                        vpl,
+                        aimed.index,
+                        &aimed.packet,
+                        seen(&aimed.packet, &aimed.facing),
+                    );
+                }
             }
         }
         rays
     }
 }
 
-/// A packet of rays that start at one point and do not go anywhere yet.
-fn rays_from<const N: usize>(origin: Vec3) -> embree::RayPacket<N> {
-    let mut packet = embree::RayPacket::new();
-    [packet.org_x, packet.org_y, packet.org_z] = origin.to_array().map(|coordinate| [coordinate; N]);
-    packet
+/// [`Gather::add`], for the vectors of the processor.
+struct Add<'a> {
+    gather: &'a Gather<'a>,
+    points: &'a GBuffer,
+    vpls: &'a [Vpl],
+    radiance: &'a mut Vec3Lanes,
+}
+
+impl embree::WideKernel for Add<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run(self) -> u64 {
+        match self.gather.scene.packet_width() {
+            embree::PacketWidth::W4 => self.gather.add_by::<4>(self.points, self.vpls, self.radiance),
+            embree::PacketWidth::W8 => self.gather.add_by::<8>(self.points, self.vpls, self.radiance),
+            embree::PacketWidth::W16 => self.gather.add_by::<16>(self.points, self.vpls, self.radiance),
+        }
+    }
+}
+
+/// [`Gather::count_visible`], for the vectors of the processor.
+struct CountVisible<'a> {
+    gather: &'a Gather<'a>,
+    points: &'a GBuffer,
+    vpls: &'a [Vpl],
+}
+
+impl embree::WideKernel for CountVisible<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run(self) -> u64 {
+        match self.gather.scene.packet_width() {
+            embree::PacketWidth::W4 => self.gather.count_visible_by::<4>(self.points, self.vpls),
+            embree::PacketWidth::W8 => self.gather.count_visible_by::<8>(self.points, self.vpls),
+            embree::PacketWidth::W16 => self.gather.count_visible_by::<16>(self.points, self.vpls),
+        }
+    }
+}
+
+/// Packets that are aimed, then traced, then shaded together: so Embree need not wait for what has only
+/// just been written, nor the shading for Embree's answer.
+const BATCH: usize = 16;
+
+/// A packet of rays to the points of packet `index`.
+struct Aimed<const N: usize> {
+    packet: embree::RayPacket<N>,
+    facing: [f32; N],
+    index: usize,
+}
+
+impl<const N: usize> Aimed<N> {
+    fn new() -> Self {
+        Self {
+            packet: embree::RayPacket::new(),
+            facing: [0.0; N],
+            index: 0,
+        }
+    }
+
+    #[inline(always)]
+    fn start_at(&mut self, origin: Vec3) {
+        let [x, y, z] = origin.to_array();
+        let packet = &mut self.packet;
+        [packet.org_x, packet.org_y, packet.org_z] = [[x; N], [y; N], [z; N]];
+    }
 }
 
 /// Points the rays of a packet from the lights at the points of packet `index`. A lane of the result is
@@ -148,33 +237,39 @@ pub(crate) fn aim<const N: usize>(
     facing
 }
 
-/// Traces the rays of the lanes that face each other; `None` if there are none. A lane of the result is
-/// positive where the ray reaches its point.
+/// Whether any lane is positive, without a branch.
+#[inline(always)]
+pub(crate) fn any_positive<const N: usize>(lanes: &[f32; N]) -> bool {
+    let positive = lanes.map(|lane| lane > 0.0);
+    positive.iter().fold(false, |any, positive| any | positive)
+}
+
+/// Traces the rays of the lanes that face each other, and returns their number.
 #[inline(always)]
 pub(crate) fn trace<const N: usize>(
     scene: &TracedScene,
     packet: &mut embree::RayPacket<N>,
-    facing: [f32; N],
-    rays: &mut u64,
-) -> Option<[f32; N]>
+    facing: &[f32; N],
+) -> u64
 where
     embree::Lanes<N>: embree::PacketSize,
 {
-    let faces = facing.map(|facing| facing > 0.0);
-    if !faces.iter().fold(false, |any, faces| any | faces) {
-        return None;
-    }
-    let valid = embree::LaneMask::from_lanes(faces);
-    *rays += u64::from(valid.count());
+    let valid = embree::LaneMask::from_lanes(facing.map(|facing| facing > 0.0));
     scene
         .accelerated()
         .occluded(&valid, packet, embree::Coherence::Incoherent);
-    let mut seen = facing;
+    u64::from(valid.count())
+}
+
+/// Positive in the lanes of a traced packet that face each other and whose ray reaches its point.
+#[inline(always)]
+pub(crate) fn seen<const N: usize>(packet: &embree::RayPacket<N>, facing: &[f32; N]) -> [f32; N] {
+    let mut seen = *facing;
     for (seen, end) in seen.iter_mut().zip(packet.tfar) {
         // Embree marks an occluded ray by a negative end.
         *seen = smaller(*seen, end);
     }
-    Some(seen)
+    seen
 }
 
 /// The geometry term of each lane that is `seen`, and zero for the others.

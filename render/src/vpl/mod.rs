@@ -10,7 +10,7 @@ mod view;
 
 pub use compensate::{Compensation, automatic_bound};
 pub use gather::{Gather, GeometryBound};
-pub(crate) use gather::{aim, geometry_terms, trace};
+pub(crate) use gather::{aim, any_positive, geometry_terms, seen, trace};
 pub use trace::{trace_sets, trace_sets_thoroughly};
 
 use glam::Vec3;

@@ -151,7 +151,7 @@ pub(crate) fn picture_of(scene: &Arc<TracedScene>, settings: &Settings, tasks: &
     let mut buffers = FrameBuffers::new(settings, Arc::new(PixelGroups::new(settings)));
     for &task in tasks {
         buffers
-            .add(task, &renderer.render(task, &mut || false).radiance)
+            .add(task, &renderer.render(task, &mut |left| left).radiance)
             .unwrap();
     }
     assemble(

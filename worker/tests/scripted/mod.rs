@@ -283,12 +283,12 @@ impl FrameTasks for GreyFrame {
         task.group < self.settings.groups && task.index < self.settings.spp
     }
 
-    fn render(&self, task: Task, stop: &mut dyn FnMut() -> bool) -> Output {
+    fn render(&self, task: Task, chunks: &mut dyn FnMut(usize) -> usize) -> Output {
         assert!(task.index != BREAKING, "this task is broken");
         let all = self.settings.width * self.settings.height / self.settings.groups;
         let mut output = Output::default();
         let mut radiance = Vec::new();
-        while output.pixels < all && !stop() {
+        while output.pixels < all && chunks(1) > 0 {
             if !self.pixel.is_zero() {
                 std::thread::sleep(self.pixel);
             }
