@@ -9,7 +9,7 @@ use std::{
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use protocol::radiance::Encoding;
-use render::scene::ImageSize;
+use render::{reconstruct::Reconstruction, scene::ImageSize};
 
 /// What `--version` prints.
 pub const VERSION: &str = concat!(env!("GRIDLIGHT_VERSION"), " (", env!("GRIDLIGHT_REVISION"), ")");
@@ -195,7 +195,8 @@ pub struct RenderArgs {
     )]
     pub integrator: Option<Integrator>,
 
-    /// How the picture is made of what has come [default: guided; --paper and its algorithms: nearest]
+    /// How the picture is made of what has come [default: guided, for deadlines of less than 2 s at
+    /// 1024x768 quick or nearest; --paper and its algorithms: nearest]
     #[arg(long, value_name = "NAME", help_heading = "Work")]
     pub reconstruction: Option<ReconstructionName>,
 
@@ -287,6 +288,17 @@ pub enum PixelsName {
     Half,
     /// Each value within 1/512 of the brightest of its pixel
     SharedExponent,
+}
+
+impl From<ReconstructionName> for Reconstruction {
+    fn from(name: ReconstructionName) -> Self {
+        match name {
+            ReconstructionName::Guided => Self::Guided,
+            ReconstructionName::Quick => Self::Quick,
+            ReconstructionName::Nearest => Self::Nearest,
+            ReconstructionName::None => Self::None,
+        }
+    }
 }
 
 impl From<PixelsName> for Encoding {

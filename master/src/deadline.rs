@@ -18,8 +18,8 @@
 //!
 //! C = D − work / share − margin, computed anew many times a second.
 //!
-//! **If it was wrong.** When at C less time is left than a reconstruction takes, missing pixels stay
-//! black ([`Ledger::affords`]): a worse picture, never a later one.
+//! **If it was wrong.** When at C less time is left than the reconstruction takes, a cheaper one is made,
+//! and at last missing pixels stay black ([`Ledger::affords`]): a worse picture, never a later one.
 
 use std::{collections::VecDeque, time::Duration};
 
@@ -175,9 +175,9 @@ impl Ledger {
         self.deadline - (self.finish_time() + self.margin())
     }
 
-    /// Whether there is time to fill in missing pixels.
-    pub fn affords(&self, now: FrameTime) -> bool {
-        now + self.finish_time() <= self.deadline
+    /// Whether there is time for this part of the work that was rehearsed.
+    pub fn affords(&self, now: FrameTime, part: f64) -> bool {
+        now + self.finish_time().mul_f64(part) <= self.deadline
     }
 
     /// Predicted time from the cut-off to the end of the process.

@@ -5,7 +5,7 @@ use std::{net::TcpListener, sync::Arc, time::Duration};
 use anyhow::anyhow;
 use protocol::{Keys, limits};
 use rayon::ThreadPool;
-use render::{gbuffer::Aovs, settings::Settings};
+use render::{gbuffer::Aovs, reconstruct::Reconstruction, settings::Settings};
 use tokio::{
     signal::unix::{Signal, SignalKind, signal},
     sync::{Semaphore, mpsc, oneshot},
@@ -420,16 +420,24 @@ impl Session {
     }
 
     /// What there is time for.
-    fn method(&mut self) -> render::reconstruct::Reconstruction {
+    fn method(&mut self) -> Reconstruction {
         let now = self.setting.clock.now();
         let wanted = self.setting.job.reconstruction;
-        match self.frame.ledger() {
-            Some(ledger) if !ledger.affords(now) => {
-                tracing::warn!("there is no time left to fill in missing pixels");
-                render::reconstruct::Reconstruction::None
-            }
-            _ => wanted,
+        let Some(ledger) = self.frame.ledger() else {
+            return wanted;
+        };
+        let (mut method, mut part) = (wanted, 1.0);
+        while method != Reconstruction::None && !ledger.affords(now, part) {
+            (method, part) = (method.cheaper(), part / 2.0);
         }
+        if method != wanted {
+            let method = reporting::reconstruction_name(method);
+            tracing::warn!(
+                method,
+                "there is no time left for the reconstruction that was asked for"
+            );
+        }
+        method
     }
 
     /// Goes on listening while the picture is made: late results are counted, goodbyes are read.

@@ -139,8 +139,9 @@ fn a_rehearsal_on_a_smaller_picture_is_scaled_to_the_real_one() {
 #[test]
 fn filling_in_is_given_up_when_it_would_end_after_the_deadline() {
     let ledger = ledger(1.0, 100);
-    assert!(ledger.affords(at(915)));
-    assert!(!ledger.affords(at(916)));
+    assert!(ledger.affords(at(915), 1.0));
+    assert!(!ledger.affords(at(916), 1.0));
+    assert!(ledger.affords(at(957), 0.5) && !ledger.affords(at(958), 0.5));
 }
 
 proptest! {

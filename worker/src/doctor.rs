@@ -164,7 +164,8 @@ async fn open(
         return connection::open(stream).map_err(|error| bad(error.to_string()));
     };
     let called = timeout(ANSWER_WITHIN, opening::call(stream, key)).await;
-    let called = called.map_err(|_| bad("who listens there does not answer a call with a key".to_owned()))?;
+    let called =
+        called.map_err(|_elapsed| bad("who listens there does not answer a call with a key".to_owned()))?;
     called.map_err(|error| bad(error.to_string()))
 }
 
