@@ -579,6 +579,7 @@ async fn a_paused_worker_sends_what_it_has_leaves_and_is_back_when_it_may() {
         component: Component::Indirect,
         group,
         index: 0,
+        passes: 1,
     };
     peer.assign((0..4).map(task).collect(), None).await;
     tokio::time::sleep(Duration::from_millis(300)).await;
