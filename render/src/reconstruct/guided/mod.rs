@@ -4,12 +4,12 @@
 //! Light is divided by albedo, so that textures stay apart from it, and goes through levels of an à-trous
 //! wavelet (Dammertz et al., "Edge-avoiding À-Trous wavelet transform for fast global illumination
 //! filtering", 2010): 5×5 pixels that lie ever farther apart, weighted by how alike the surfaces are
-//! ([`surface`]), never by the light. So light that is right on the average stays so, and a bright
+//! (`surface`), never by the light. So light that is right on the average stays so, and a bright
 //! outlier is neither kept nor lost.
 //!
 //! What the surfaces do not tell, such as the edge of a shadow, is found by cross-validation between the
 //! two halves of the samples: at each level the filtered light of one half replaces the light before it
-//! by the share that brings it nearest to the other half ([`blend`]). Where the noise is gone that share
+//! by the share that brings it nearest to the other half (`blend`). Where the noise is gone that share
 //! is zero, so the picture converges to the mean of the samples.
 
 mod blend;
