@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// How often to look; a reaction takes one look when others begin, [`REMEMBERED`] when they end.
+/// How often to look; a reaction takes one look when others begin, `REMEMBERED` when they end.
 pub const LOOK_EVERY: Duration = Duration::from_millis(250);
 
 /// Looks that count: others are believed to use what they used at most in so many.
