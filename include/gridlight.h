@@ -542,7 +542,8 @@ gridlight_result gridlight_worker_set_name(gridlight_worker *worker, const char 
  * @param worker The worker, which is not started yet.
  * @param path The key file; nobody but the user who runs this program may be able to read it.
  */
-gridlight_result gridlight_worker_set_key_file(gridlight_worker *worker, const char *path);
+gridlight_result gridlight_worker_set_key_file(gridlight_worker *worker,
+                                               const char *path);
 
 /**
  * Starts a worker and returns at once. It keeps trying until a master is there, works for it, and looks

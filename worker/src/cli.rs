@@ -6,6 +6,7 @@ use std::io::{IsTerminal as _, Write as _, stdout};
 use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
+use clap::error::ErrorKind;
 use clap::{ArgAction, Args, CommandFactory as _, Parser, Subcommand};
 use jiff::SignedDuration;
 use protocol::limits;
@@ -118,6 +119,9 @@ pub fn command() -> clap::Command {
     Arguments::command()
 }
 
+const NO_ADDRESS: &str =
+    "there is no address of a master; give --connect HOST:PORT, or `connect` in worker.toml";
+
 /// Runs the program.
 pub fn main() -> ! {
     let arguments = Arguments::parse();
@@ -140,7 +144,14 @@ pub fn main() -> ! {
 }
 
 fn work(arguments: WorkArguments) -> anyhow::Result<()> {
-    let ended = crate::run(options(arguments.settings()?)?)?;
+    let settings = arguments.settings()?;
+    if settings.connect.is_none() {
+        // Wrong use of the command line, as if the flag were mandatory.
+        Arguments::command()
+            .error(ErrorKind::MissingRequiredArgument, NO_ADDRESS)
+            .exit();
+    }
+    let ended = crate::run(options(settings)?)?;
     tracing::info!(?ended, "bye");
     Ok(())
 }
@@ -187,11 +198,10 @@ fn options(settings: Settings) -> anyhow::Result<WorkerOptions> {
             "only a master that has the key is believed"
         );
     }
-    let no_address = "there is no address of a master; give --connect HOST:PORT, or `connect` in worker.toml";
     Ok(WorkerOptions {
         memory_max: settings.memory_max(),
         cache: settings.cache(),
-        connect: settings.connect.context(no_address)?,
+        connect: settings.connect.context(NO_ADDRESS)?,
         keys,
         slots: policy.slots_max,
         name: settings.name.unwrap_or_else(host_name),
