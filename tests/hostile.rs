@@ -26,7 +26,7 @@ const WORK: &str = "--paper --size 128x96 --vpls 64 --vpl-sets 4 --spp 4 --local
 /// A frame that waits for workers.
 fn start(flags: &str) -> Running {
     // The same bits whoever renders, with a deadline or without.
-    Master::new(&format!("--pixels exact {WORK} {flags}")).start()
+    Master::new(&format!("{WORK} {flags}")).start()
 }
 
 /// Lets an honest worker do the work, which must then be there: complete, in time, and the same bits
