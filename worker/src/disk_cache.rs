@@ -234,7 +234,7 @@ mod tests {
             })
         };
         let unit = ("CACHE_DIRECTORY", "/var/cache/gridlight:/var/cache/other");
-        let (xdg, home) = (("XDG_CACHE_HOME", "/x"), ("HOME", "/home/ann"));
+        let (xdg, home) = (("XDG_CACHE_HOME", "/x"), ("HOME", "/users/ann"));
         assert_eq!(
             folder_in(&[unit, xdg, home]),
             Some("/var/cache/gridlight/chunks".into())
@@ -242,7 +242,7 @@ mod tests {
         assert_eq!(folder_in(&[xdg, home]), Some("/x/gridlight/chunks".into()));
         assert_eq!(
             folder_in(&[home]),
-            Some("/home/ann/.cache/gridlight/chunks".into())
+            Some("/users/ann/.cache/gridlight/chunks".into())
         );
         assert_eq!(folder_in(&[("HOME", "relative")]), None);
         assert_eq!(folder_in(&[]), None);

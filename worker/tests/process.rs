@@ -705,7 +705,7 @@ async fn the_doctor_names_what_fails_and_what_to_do() {
     let (findings, code) = examination.join().unwrap();
     assert_eq!(code, Some(1));
     assert!(
-        remedy(&findings, "versions").contains("same version"),
+        remedy(&findings, "versions").contains("install the same"),
         "{findings:?}"
     );
 }
