@@ -123,8 +123,8 @@ fn a_worker_that_was_warmed_needs_no_byte_of_the_scene_for_its_frame() {
 
 #[test]
 fn a_worker_that_is_told_to_go_hands_in_what_it_has() {
-    // Tasks so long that one would never be finished.
-    let flags = "--deadline 3 --size 1024x1024 --groups 1 --vpls 4096 --vpl-sets 1 --local-slots 0 --no-png";
+    // Tasks so long that one would never be finished, of chunks that take milliseconds.
+    let flags = "--deadline 3 --size 1024x1024 --groups 1 --vpls 256 --vpl-sets 1 --local-slots 0 --no-png";
     let master = Master::new(flags).start();
     let mut worker = Worker::start("guest", master.address(), 1);
     master.log.wait_for(&["a worker joined"]);
