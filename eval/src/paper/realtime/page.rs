@@ -58,6 +58,7 @@ fn results(measured: &Measured) -> Vec<Block> {
              by `cargo run -p eval -- realtime`; times depend on the machine and its load."
         )),
         Block::Text(wins(measured)),
+        Block::Text(lateness(cases)),
         Block::Table(table(cases)),
         Block::Figures(
             measured
@@ -81,6 +82,24 @@ fn wins(measured: &Measured) -> String {
         "Cases in which the component-based picture has the smaller error (median): {}.",
         counts.join("; ")
     )
+}
+
+/// How many pictures came after their deadline, and by how much at most.
+fn lateness(cases: &[Case]) -> String {
+    let late = |case: &Case| -> Vec<f64> {
+        let runs = case.runs.iter().map(|run| run.elapsed_s - case.deadline_s);
+        runs.filter(|late_s| *late_s > 0.0).collect()
+    };
+    let runs: usize = cases.iter().map(|case| case.runs.len()).sum();
+    let late: Vec<f64> = cases.iter().flat_map(late).collect();
+    let worst = late.iter().copied().fold(0.0, f64::max);
+    match late.len() {
+        0 => format!("All of the {runs} pictures were delivered before their deadline."),
+        count => format!(
+            "{count} of the {runs} pictures came after their deadline, by {:.0} ms at most.",
+            worst * 1000.0
+        ),
+    }
 }
 
 fn table(cases: &[Case]) -> Table {
@@ -193,6 +212,18 @@ mod tests {
             assert_eq!(insert(&later, &measured, render).as_ref(), Some(&later));
         }
         assert_eq!(insert("no such part", &measured, Document::to_html), None);
+    }
+
+    #[test]
+    fn late_pictures_are_told() {
+        let mut measured = measured();
+        assert!(lateness(&measured.cases).starts_with("All of the 12"));
+        measured.cases[1].runs[0].elapsed_s = measured.cases[1].deadline_s + 0.025;
+        let told = lateness(&measured.cases);
+        assert!(
+            told.starts_with("1 of the 12") && told.contains("by 25 ms"),
+            "{told}"
+        );
     }
 
     #[test]
