@@ -10,6 +10,9 @@ use crate::paper::{
     plot::{Plot, Series},
 };
 
+/// The paper's light samples per pixel and VPLs.
+const PAPER_WORKLOAD: (u32, u32) = (16, 256);
+
 /// The part's name in the page.
 pub const PART: &str = "realtime";
 
@@ -48,14 +51,18 @@ fn results(measured: &Measured) -> Vec<Block> {
         cases,
     } = measured;
     let runs = cases.iter().map(|case| case.runs.len()).max().unwrap_or(0);
+    let workload = if (*spp, *vpls) == PAPER_WORKLOAD {
+        ", the paper's own workload"
+    } else {
+        ""
+    };
     vec![
         Block::Text(format!(
             "Nothing is simulated here: the `master` program ({version}) with its local worker, on {cores} \
              cores ({processor}), at {size}. It has {spp} light samples per pixel and {vpls} VPLs in {vpl_sets} \
-             sets, otherwise the settings of `master --paper`: with the paper's own workload such a machine \
-             would be done before most of these deadlines. Each cell is the median of {runs} runs with the \
-             range; pictures are compared with the one that the same program makes without a deadline. Made \
-             by `cargo run -p eval -- realtime`; times depend on the machine and its load."
+             sets{workload}, and otherwise the settings of `master --paper`. Each cell is the median of {runs} \
+             runs with the range; pictures are compared with the one that the same program makes without a \
+             deadline. Made by `cargo run -p eval -- realtime`; times depend on the machine and its load."
         )),
         Block::Text(wins(measured)),
         Block::Text(lateness(cases)),
