@@ -26,8 +26,10 @@ const CHUNKS_AT_ONCE: usize = 2;
 const STOPPING_WITHIN: Duration = Duration::from_millis(60);
 
 /// How long a slot that is to rest may go on with its task. No other worker will ever do the rest of it,
-/// so a task that is done in this time is better finished.
-const FINISHING_WITHIN: Duration = Duration::from_millis(50);
+/// so a task that is almost done is better finished. Not longer, for it is a part of the tenth of a second
+/// in which whoever comes back to this machine has it for himself: 20 ms until he is seen
+/// ([`GLANCE_EVERY`](crate::manners::GLANCE_EVERY)), these, and what a chunk that was begun just before still takes.
+const FINISHING_WITHIN: Duration = Duration::from_millis(20);
 
 /// How long a worker whose slots all rest stays with its master. A program that needs all cores for a
 /// moment must not cost the frame; but tasks that wait here are of no use to anybody.

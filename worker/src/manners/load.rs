@@ -3,8 +3,9 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// How often to look; a reaction takes one look when others begin, `REMEMBERED` when they end.
-pub const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// How often to look. A reaction takes one look or two when others begin, `REMEMBERED` or one more when they
+/// end, as what they did since the last look may count either way; all within a second.
+pub const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 /// Looks that count: others are believed to use what they used at most in so many.
 const REMEMBERED: usize = 3;
@@ -124,7 +125,8 @@ mod tests {
         assert_eq!(machine.run(1, 1.0, 3.0).free(FOUR), Some(3));
         assert_eq!(machine.run(2, 0.0, 3.0).free(FOUR), Some(3));
         assert_eq!(machine.run(1, 0.0, 3.0).free(FOUR), Some(4));
-        assert!(LOOK_EVERY * (REMEMBERED as u32) < Duration::from_secs(1));
+        // When they end soon after a look, that interval is theirs, too.
+        assert!(LOOK_EVERY * (REMEMBERED as u32 + 1) < Duration::from_secs(1));
     }
 
     #[test]
