@@ -16,6 +16,7 @@ use serde::Serialize;
 use tokio::net::{TcpStream, lookup_host};
 use tokio::time::timeout;
 
+use crate::autogroup;
 use crate::cli::{VERSION, host_name};
 use crate::clock::Clock;
 use crate::disk_cache::DiskCache;
@@ -104,6 +105,7 @@ pub async fn examine(settings: &Settings, clock: Clock) -> Vec<Finding> {
     findings.extend([
         embree(),
         scheduling(),
+        session(),
         load(&machine),
         presence(&machine, settings),
         memory(settings),
@@ -244,6 +246,25 @@ fn scheduling() -> Finding {
     let remedy =
         "let the service or container call sched_setscheduler; until then only nice 19 holds it back";
     Finding::doubtful("priority", "the system does not allow SCHED_IDLE", remedy)
+}
+
+/// This process is in another session than the worker will be, so only what any could do is known.
+fn session() -> Finding {
+    match (autogroup::are_weighed(), autogroup::may_change()) {
+        (false, _) => Finding::good("session", "priorities count among all programs"),
+        (_, Ok(())) => Finding::good(
+            "session",
+            "the system weighs sessions against each other, and one of the worker's own is put behind all: \
+             that of a service, or of `setsid worker`",
+        ),
+        (_, Err(error)) => Finding::doubtful(
+            "session",
+            format!(
+                "the system weighs sessions against each other, and the worker's cannot be put behind: {error}"
+            ),
+            "let the service or container write to /proc/self/autogroup, or give it a low CPUWeight",
+        ),
+    }
 }
 
 fn load(machine: &Machine) -> Finding {

@@ -3,7 +3,9 @@
 //! [`state`] decides, on one connection, what to do about each message, and [`manners`] how many slots may
 //! work; both are pure. Around them is the shell: [`client`] carries bytes, [`loader`] and [`executor`]
 //! make light in threads of their own, and [`done`] is the channel between the two. [`overseer`] looks at
-//! the [`machine`], [`control`] listens to people and shows them the [`status`], [`service`] talks to systemd. [`renderer`] says what the worker needs of a renderer, [`traced`] is the real one.
+//! the [`machine`], [`control`] listens to people and shows them the [`status`], [`service`] talks to systemd.
+//! [`priority`] and [`autogroup`] put the worker behind other programs. [`renderer`] says what the worker needs
+//! of a renderer, [`traced`] is the real one.
 
 pub mod cli;
 pub mod options;
@@ -13,6 +15,7 @@ pub mod backoff;
 pub mod manners;
 pub mod state;
 
+pub mod autogroup;
 pub mod client;
 pub mod clock;
 pub mod control;
@@ -50,6 +53,10 @@ use crate::traced::TracingRenderer;
 pub fn run(options: WorkerOptions) -> anyhow::Result<Ended> {
     let clock = Clock::start();
     let renderer = TracingRenderer::new(clock);
+    // A worker of one master is in the session of whoever waits for the picture.
+    if options.lifetime == Lifetime::Service && options.priority == Priority::Idle {
+        autogroup::stand_back().context("cannot start a thread")?;
+    }
     run_with(options, clock, Box::new(renderer))
 }
 

@@ -9,7 +9,7 @@ use thread_priority::unix::{
 };
 
 /// The lowest of the ordinary priorities.
-const NICE: i32 = 19;
+pub(crate) const NICE: i32 = 19;
 
 /// How threads that make light stand in line for a core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -27,6 +27,7 @@ use render::{frame::FrameRenderer, vpl};
 use serde_bytes::ByteBuf;
 use tempfile::TempDir;
 use tokio::io::AsyncWriteExt as _;
+use worker::autogroup;
 use worker::clock::Clock;
 
 use self::scripted::{Master, Peer, direct, settings};
@@ -644,6 +645,42 @@ async fn anyone_at_the_machine_may_pause_its_worker_and_a_worker_that_ends_leave
     assert!(error.contains("no worker listens at"), "{error}");
 }
 
+/// How the session of a process stands among the others, as the system shows it: `/autogroup-7 nice 0`.
+fn nice_of_session(process: &str) -> String {
+    fs::read_to_string(format!("/proc/{process}/autogroup")).unwrap()
+}
+
+#[test]
+fn a_worker_puts_a_session_of_its_own_behind_all_others_and_leaves_that_of_others_as_it_is() {
+    if !autogroup::is_known() {
+        eprintln!("skipped: this system does not weigh sessions against each other");
+        return;
+    }
+    let master = closed_port().to_string();
+    let arguments = ["--connect", &master, "--slots", "1", "--cache-bytes", "0"];
+    let mut command = Command::new("setsid");
+    let service = Worker::spawn(command.arg(env!("CARGO_BIN_EXE_worker")).args(arguments));
+    let patience = Clock::start();
+    let own = service.child.id().to_string();
+    while !nice_of_session(&own).trim_end().ends_with("nice 19") {
+        assert!(
+            patience.now() < Duration::from_secs(20),
+            "{}",
+            nice_of_session(&own)
+        );
+        thread::sleep(Duration::from_millis(10));
+    }
+
+    let before = nice_of_session("self");
+    let shares = Worker::start(&arguments);
+    if autogroup::are_weighed() {
+        shares.line_with("`setsid`");
+    }
+    shares.line_with("trying again until a master is there");
+    assert_eq!(nice_of_session("self"), before);
+    assert_eq!(nice_of_session(&shares.child.id().to_string()), before);
+}
+
 /// The findings of `worker doctor` with these flags, by what they are about, and its exit code.
 fn examined(arguments: &[&str]) -> (HashMap<String, serde_json::Value>, Option<i32>) {
     let output = output(&[&["doctor", "--json"], arguments].concat());
@@ -666,7 +703,7 @@ async fn the_doctor_joins_the_master_and_finds_nothing_wrong() {
     assert!(found("versions").contains("master 0.1.0"), "{findings:?}");
     assert!(found("tracing").contains("Embree 4."), "{findings:?}");
     for what in [
-        "master", "priority", "load", "presence", "memory", "cache", "clock",
+        "master", "priority", "session", "load", "presence", "memory", "cache", "clock",
     ] {
         assert!(findings.contains_key(what), "{what}: {findings:?}");
     }
