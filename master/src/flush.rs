@@ -43,6 +43,32 @@ pub fn lead_times(flushes: &[Flush]) -> Vec<Duration> {
     lead_times.collect()
 }
 
+/// How long one result of every slot is on the way, in the same order, if all share their wires evenly: as long as
+/// those of everyone on the wire that is shared by more bytes for its speed.
+pub fn times_on_the_wire(flushes: &[Flush]) -> Vec<Duration> {
+    let mut hosts: BTreeMap<IpAddr, Wire> = BTreeMap::new();
+    let mut ours = Wire::default();
+    for flush in flushes {
+        let host = hosts.entry(flush.host).or_default();
+        for wire in [Some(host), (!flush.host.is_loopback()).then_some(&mut ours)]
+            .into_iter()
+            .flatten()
+        {
+            wire.measured(flush);
+            wire.queued_bytes += flush.bytes;
+        }
+    }
+    let times = flushes.iter().map(|flush| {
+        let from_host = hosts.entry(flush.host).or_default().time();
+        if flush.host.is_loopback() {
+            from_host
+        } else {
+            from_host.max(ours.time())
+        }
+    });
+    times.collect()
+}
+
 /// A wire that carries one worker's bytes after the other.
 #[derive(Debug, Default)]
 struct Wire {
@@ -58,6 +84,11 @@ impl Wire {
     /// The time until these bytes are through, with all before them.
     fn queue(&mut self, bytes: f64) -> Duration {
         self.queued_bytes += bytes;
+        self.time()
+    }
+
+    /// The time until all bytes are through.
+    fn time(&self) -> Duration {
         Duration::from_secs_f64(self.queued_bytes / self.bytes_per_second.max(BYTES_PER_SECOND_MIN))
     }
 }
@@ -126,6 +157,28 @@ mod tests {
             flush("::1", 1250.0),
         ];
         assert_eq!(lead_ms(&hosts), [0, 1, 0]);
+    }
+
+    #[test]
+    fn results_share_the_wire_of_their_machine_and_that_of_the_master() {
+        let times_ms = |flushes: &[Flush]| -> Vec<u128> {
+            times_on_the_wire(flushes)
+                .iter()
+                .map(Duration::as_millis)
+                .collect()
+        };
+        let slow_and_fast = [
+            flush("10.0.0.1", 12.5),
+            flush("10.0.0.2", 125.0),
+            flush("127.0.0.1", 1250.0),
+        ];
+        assert_eq!(times_ms(&slow_and_fast), [10, 2, 0]);
+        let one_machine = [125.0, 0.0, 20.0].map(|rate| flush("10.0.0.1", rate));
+        assert_eq!(times_ms(&one_machine), [3, 3, 3]);
+        let room: Vec<Flush> = (1..=24)
+            .map(|host| flush(&format!("10.0.0.{host}"), 125.0))
+            .collect();
+        assert_eq!(times_ms(&room), [24; 24]);
     }
 
     #[test]

@@ -177,6 +177,9 @@ impl Frame {
         for (worker, delta_t) in self.roster.delta_ts() {
             self.delta_t(worker, delta_t);
         }
+        for (worker, time) in self.roster.times_on_the_wire() {
+            self.handle(Event::OnTheWire { worker, time }, None);
+        }
         let now = self.clock.now();
         encoded(self.roster.ping_all(now));
     }

@@ -1,49 +1,69 @@
 //! How many passes one lease covers, of tasks whose passes are added up before they are sent.
 //!
-//! A lease is long enough that its result is worth its way, and short enough that little is lost with
-//! the machine that has it and little is under way at the cut-off.
+//! A lease is long enough that its result is worth its way, and short enough that little is lost with the
+//! machine that has it and little is under way at the cut-off. Machines differ in speed and in the wires that
+//! they hang on, so each has leases of its own length.
 
 use std::time::Duration;
 
-/// The shortest lease that is aimed at: asking for it costs well under a hundredth of it.
-const AIM_MIN: Duration = Duration::from_millis(50);
-/// The longest.
+use render::task::{Component, Task};
+
+/// What a lease takes on a wire that costs nothing. As passes are dealt out in powers of two, it is between this
+/// and half of it; and each result costs the master's one loop some tenths of a millisecond.
+const AIM_MIN: Duration = Duration::from_millis(100);
+/// The most that any wire makes of it.
 const AIM_MAX: Duration = Duration::from_millis(200);
 /// A lease is so many times as long as its result is on the wire.
 const TIMES_ON_THE_WIRE: u32 = 10;
 /// Near the cut-off a lease takes at most this part of the time that is left.
 const PART_OF_REMAINING: u32 = 4;
+/// What a new measurement counts beside those before.
+const NEW: f64 = 0.25;
 
-/// What is known of one slot and of a task.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What is known of one worker.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pace {
-    /// Time that the slot takes for one pass; zero if nothing was measured.
-    pub pass: Duration,
-    /// Bytes of the result, which does not grow with the passes.
-    pub result_bytes: usize,
-    /// The slot's own part of the way to the master, which all slots of a machine share.
-    pub bytes_per_second: f64,
+    /// Seconds that a slot takes for one pass of direct light of a group, if that was measured.
+    pub direct_s: Option<f64>,
+    /// Of indirect light.
+    pub indirect_s: Option<f64>,
+    /// How long results of all slots are on the wires that they share, with those of everyone else.
+    pub on_the_wire: Duration,
 }
 
-/// Passes to lease at once, at least one. `remaining` is the time until the worker must send what it
-/// has; none without a deadline.
-pub fn passes(pace: Pace, remaining: Option<Duration>) -> u32 {
-    // The first lease is there to be measured.
-    if pace.pass.is_zero() {
-        return 1;
+impl Pace {
+    /// A slot spent so long on a whole task.
+    pub fn took(&mut self, task: Task, busy: Duration) {
+        let pass_s = busy.as_secs_f64() / f64::from(task.passes);
+        let known = match task.component {
+            Component::Direct => &mut self.direct_s,
+            _ => &mut self.indirect_s,
+        };
+        let before = known.unwrap_or(pass_s);
+        *known = Some(before + NEW * (pass_s - before));
     }
-    let aim = aim(pace).min(remaining.map_or(AIM_MAX, |remaining| remaining / PART_OF_REMAINING));
-    let passes = aim.as_nanos() / pace.pass.as_nanos();
-    u32::try_from(passes).unwrap_or(u32::MAX).max(1)
-}
 
-/// Time that a lease should take while the cut-off is far.
-fn aim(pace: Pace) -> Duration {
-    let seconds = pace.result_bytes as f64 / pace.bytes_per_second;
-    let on_the_wire = Duration::try_from_secs_f64(seconds).unwrap_or(AIM_MAX);
-    on_the_wire
-        .saturating_mul(TIMES_ON_THE_WIRE)
-        .clamp(AIM_MIN, AIM_MAX)
+    /// Seconds that a slot takes for one pass of a component, if that was measured.
+    pub fn pass_s(&self, component: Component) -> Option<f64> {
+        match component {
+            Component::Direct => self.direct_s,
+            _ => self.indirect_s,
+        }
+    }
+
+    /// Passes to lease at once, at least one, if one takes a slot `pass_s` seconds. `remaining` is the time
+    /// until the worker must send what it has.
+    pub fn passes(&self, pass_s: f64, remaining: Duration) -> u32 {
+        let aim = self.aim().min(remaining / PART_OF_REMAINING);
+        // Of what takes no time at all there cannot be too much: the conversion saturates.
+        ((aim.as_secs_f64() / pass_s) as u32).max(1)
+    }
+
+    /// Time that a lease should take while the cut-off is far.
+    fn aim(&self) -> Duration {
+        let worth_its_way = self.on_the_wire.saturating_mul(TIMES_ON_THE_WIRE);
+        worth_its_way.clamp(AIM_MIN, AIM_MAX)
+    }
 }
 
 #[cfg(test)]
@@ -52,61 +72,71 @@ mod tests {
 
     use super::*;
 
+    const LONG: Duration = Duration::from_secs(100);
+
     const fn ms(milliseconds: u64) -> Duration {
         Duration::from_millis(milliseconds)
     }
 
-    /// A slot whose result is on the wire for so long.
-    fn pace(pass: Duration, on_the_wire: Duration) -> Pace {
+    /// A worker whose results are on the wire for so long.
+    fn pace(on_the_wire: Duration) -> Pace {
         Pace {
-            pass,
-            result_bytes: 50_000,
-            bytes_per_second: 50_000.0 / on_the_wire.as_secs_f64(),
+            on_the_wire,
+            ..Pace::default()
         }
     }
 
     #[test]
-    fn on_a_fast_network_a_lease_takes_50_ms() {
-        assert_eq!(passes(pace(ms(10), ms(1)), None), 5);
+    fn on_a_fast_network_a_lease_takes_a_tenth_of_a_second() {
+        assert_eq!(pace(ms(1)).passes(0.010, LONG), 10);
     }
 
     #[test]
     fn on_a_slower_one_it_takes_ten_times_as_long_as_its_result_is_under_way() {
-        assert_eq!(passes(pace(ms(10), ms(12)), None), 12);
+        assert_eq!(pace(ms(15)).passes(0.010, LONG), 15);
     }
 
     #[test]
     fn no_network_makes_it_longer_than_200_ms() {
-        assert_eq!(passes(pace(ms(10), ms(5_000)), None), 20);
-        let nothing = Pace {
-            bytes_per_second: 0.0,
-            ..pace(ms(10), ms(1))
-        };
-        assert_eq!(passes(nothing, None), 20);
+        assert_eq!(pace(ms(5_000)).passes(0.010, LONG), 20);
+        assert_eq!(pace(Duration::MAX).passes(0.010, LONG), 20);
     }
 
     #[test]
     fn towards_the_cut_off_it_shrinks_to_a_quarter_of_what_is_left() {
-        let sizes = [2_000, 400, 100, 20, 0].map(|left| passes(pace(ms(1), ms(100)), Some(ms(left))));
+        let sizes = [2_000, 400, 100, 20, 0].map(|left| pace(ms(100)).passes(0.001, ms(left)));
         assert_eq!(sizes, [200, 100, 25, 5, 1]);
     }
 
     #[test]
-    fn the_first_lease_is_one_pass_and_so_is_one_whose_pass_is_longer_than_any_lease() {
-        assert_eq!(passes(pace(Duration::ZERO, ms(1)), None), 1);
-        assert_eq!(passes(pace(ms(3_000), ms(1)), None), 1);
+    fn the_speed_of_each_component_is_a_running_mean_over_its_passes() {
+        let task = |component, passes| Task {
+            component,
+            group: 0,
+            index: 0,
+            passes,
+        };
+        let mut pace = Pace::default();
+        assert_eq!(pace.pass_s(Component::Direct), None);
+        pace.took(task(Component::Direct, 4), ms(40));
+        pace.took(task(Component::Direct, 1), ms(50));
+        pace.took(task(Component::Indirect, 2), ms(600));
+        let ms_of = |component| pace.pass_s(component).map(|s| (1e3 * s).round());
+        assert_eq!(ms_of(Component::Direct), Some(20.0));
+        assert_eq!(ms_of(Component::Indirect), Some(300.0));
     }
 
     proptest! {
         #[test]
         fn a_lease_of_several_passes_is_never_longer_than_200_ms_nor_than_a_quarter_of_what_is_left(
-            pass_us in 0u64..1_000_000, bytes in 0usize..100_000_000, rate in 0.0..1e10, left_us: u32,
+            pass_us in 0u32..1_000_000, on_the_wire_us: u32, left_us: u32,
         ) {
-            let pass = Duration::from_micros(pass_us);
-            let left = Duration::from_micros(left_us.into());
-            let passes = passes(Pace { pass, result_bytes: bytes, bytes_per_second: rate }, Some(left));
+            let pace = pace(Duration::from_micros(on_the_wire_us.into()));
+            let (pass_s, left) = (f64::from(pass_us) * 1e-6, Duration::from_micros(left_us.into()));
+            let passes = pace.passes(pass_s, left);
             prop_assert!(passes >= 1);
-            prop_assert!(passes == 1 || pass * passes <= AIM_MAX.min(left / 4));
+            let most_s = AIM_MAX.min(left / 4).as_secs_f64() + 1e-9;
+            prop_assert!(passes == 1 || pass_s * f64::from(passes) <= most_s);
         }
     }
 }

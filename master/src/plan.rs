@@ -12,6 +12,7 @@ use render::{
     task::{Component, Task},
 };
 
+use crate::lease::Pace;
 use passes::Passes;
 
 /// All tasks of a frame that have not been handed out.
@@ -33,13 +34,15 @@ enum Order {
     Passes(Passes),
 }
 
-/// What lies ahead, as far as it is known.
+/// What lies ahead of a worker that is to get a task, as far as it is known.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Outlook {
-    /// Time until the cut-off.
+    /// Time until it must send what it has.
     pub left: Option<Duration>,
-    /// Slots that are there.
+    /// Slots of all workers.
     pub slots: u32,
+    /// How fast it is.
+    pub pace: Pace,
 }
 
 /// How noisy one pass of each component is: squared error in shares of the squared radiance; `None`:

@@ -15,7 +15,7 @@ use tokio::sync::mpsc;
 
 use crate::{
     connection::Joined,
-    flush::{Flush, lead_times},
+    flush::{Flush, lead_times, times_on_the_wire},
     frame_time::FrameTime,
     link::Link,
     report::WorkerReport,
@@ -156,13 +156,22 @@ impl Roster {
         }
     }
 
+    /// How long results of all slots of everyone who is here are on the wires that they share.
+    pub fn times_on_the_wire(&self) -> Vec<(WorkerId, Duration)> {
+        let times = times_on_the_wire(&self.flushes());
+        self.members.keys().copied().zip(times).collect()
+    }
+
+    fn flushes(&self) -> Vec<Flush> {
+        let members = self.members.values();
+        members
+            .map(|member| member.link.flush(member.host, member.slots))
+            .collect()
+    }
+
     /// The Δt of everyone who is here: they take turns to send their last results.
     pub fn delta_ts(&self) -> Vec<(WorkerId, Duration)> {
-        let members = self.members.values();
-        let flushes: Vec<Flush> = members
-            .map(|member| member.link.flush(member.host, member.slots))
-            .collect();
-        let members = self.members.iter().zip(lead_times(&flushes));
+        let members = self.members.iter().zip(lead_times(&self.flushes()));
         members
             .map(|((&worker, member), flush)| (worker, member.link.delta_t(flush)))
             .collect()

@@ -17,6 +17,7 @@ use render::task::{Component, Task};
 
 use crate::{
     frame_time::FrameTime,
+    lease::Pace,
     plan::{Noise, Outlook, TaskQueues},
 };
 
@@ -77,6 +78,13 @@ pub enum Event {
         worker: WorkerId,
         /// The paper's Δt.
         delta_t: Duration,
+    },
+    /// A new estimate of how long results of all slots of this worker are on the wires that it shares.
+    OnTheWire {
+        /// Who.
+        worker: WorkerId,
+        /// With those of everyone else.
+        time: Duration,
     },
     /// The cut-off has been set or moved.
     CutOff {
@@ -241,6 +249,7 @@ struct Worker {
     completed: u64,
     delta_t: Duration,
     send_by: Option<FrameTime>,
+    pace: Pace,
 }
 
 impl Scheduler {
@@ -285,6 +294,7 @@ impl Scheduler {
             Event::Unusable { worker, task } => self.unusable(now, worker, task),
             Event::WorkerLeft { worker } => self.worker_left(now, worker),
             Event::DeltaT { worker, delta_t } => self.delta_t(worker, delta_t),
+            Event::OnTheWire { worker, time } => self.on_the_wire(worker, time),
             Event::CutOff { at } => self.move_cut_off(at),
             Event::Noise(noise) => self.queues.noise(noise),
             Event::Tick => {}
@@ -370,6 +380,9 @@ impl Scheduler {
         };
         if extent == Extent::Whole {
             self.queues.took(task, busy);
+            if let Some(worker) = self.workers.get_mut(&id) {
+                worker.pace.took(task, busy);
+            }
         }
         if counts {
             self.status.insert(task, Status::Done(id, extent));
@@ -405,6 +418,12 @@ impl Scheduler {
         }
     }
 
+    fn on_the_wire(&mut self, id: WorkerId, time: Duration) {
+        if let Some(worker) = self.workers.get_mut(&id) {
+            worker.pace.on_the_wire = time;
+        }
+    }
+
     fn move_cut_off(&mut self, at: FrameTime) {
         self.cut_off = Some(at);
         for id in self.workers.keys().copied().collect::<Vec<_>>() {
@@ -435,12 +454,14 @@ impl Scheduler {
         if self.closed {
             return;
         }
-        let outlook = Outlook {
-            left: self.cut_off.map(|at| now.until(at)),
-            slots: self.slots(),
-        };
+        let slots = self.slots();
         let Some(worker) = self.workers.get_mut(&id) else {
             return;
+        };
+        let outlook = Outlook {
+            left: self.cut_off.map(|at| now.until(at - worker.delta_t)),
+            slots,
+            pace: worker.pace,
         };
         let held = worker.leases.len() as u32;
         let allowed = worker

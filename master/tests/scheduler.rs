@@ -1,6 +1,9 @@
 //! What the scheduler decides, event by event.
 
-use std::time::Duration;
+use std::{
+    collections::{BTreeMap, VecDeque},
+    time::Duration,
+};
 
 use master::{
     frame_time::FrameTime,
@@ -374,4 +377,72 @@ fn the_frame_closes_before_the_cut_off_when_every_worker_has_sent_its_last() {
     };
     let actions = feed_from(&mut scheduler, 72, &[nothing]);
     assert_eq!(actions, [Action::Close(Closing::CutOff)]);
+}
+
+/// Two workers, of which the second takes eight times as long for a pass, share the work: the passes of those
+/// leases of each that it spent most time on.
+fn leases_of_two(on_the_wire: Duration) -> [u32; 2] {
+    let size = ImageSize {
+        width: 1024,
+        height: 768,
+    };
+    let settings = Settings {
+        spp: 65_536,
+        ..Settings::progressive(size)
+    };
+    let mut scheduler = Scheduler::new(TaskQueues::new(&settings), Promise::Deadline, LEASES_PER_SLOT_MAX);
+    scheduler.handle(at(0), Event::CutOff { at: at(40_000) });
+    let workers = [(A, 2), (B, 16)];
+    for (worker, _) in workers {
+        scheduler.handle(at(0), ready(worker, 1));
+        scheduler.handle(at(0), request(worker, 1));
+        let time = on_the_wire;
+        scheduler.handle(at(0), Event::OnTheWire { worker, time });
+    }
+    // What each works on, and until when in milliseconds.
+    let mut working: [VecDeque<(Task, u64)>; 2] = Default::default();
+    let mut times: [BTreeMap<u32, u64>; 2] = Default::default();
+    let mut now = 0;
+    while now < 15_000 {
+        while let Some(action) = scheduler.poll_action() {
+            if let Action::Assign { worker, tasks } = action {
+                let place = usize::from(worker == B);
+                for task in tasks {
+                    let begin = working[place].back().map_or(now, |&(_, end)| end);
+                    working[place].push_back((task, begin + workers[place].1 * u64::from(task.passes)));
+                }
+            }
+        }
+        let end = |place: &usize| working[*place].front().map(|&(_, end)| end);
+        let place = (0..2)
+            .filter(|place| end(place).is_some())
+            .min_by_key(end)
+            .expect("work");
+        let (task, end) = working[place].pop_front().expect("work");
+        let (worker, pass_ms) = workers[place];
+        let busy_ms = pass_ms * u64::from(task.passes);
+        *times[place].entry(task.passes).or_default() += busy_ms;
+        now = end;
+        let completed = Event::Completed {
+            worker,
+            task,
+            extent: Extent::Whole,
+            busy: Duration::from_millis(busy_ms),
+        };
+        scheduler.handle(at(now), completed);
+        scheduler.handle(at(now), request(worker, 1));
+    }
+    let most = |times: &BTreeMap<u32, u64>| {
+        times
+            .iter()
+            .max_by_key(|&(_, ms)| ms)
+            .map_or(0, |(&passes, _)| passes)
+    };
+    [most(&times[0]), most(&times[1])]
+}
+
+#[test]
+fn a_lease_is_as_long_as_suits_the_speed_of_its_worker_and_its_wires() {
+    assert_eq!(leases_of_two(Duration::ZERO), [32, 4], "64 ms");
+    assert_eq!(leases_of_two(Duration::from_millis(15)), [64, 8], "128 ms");
 }
