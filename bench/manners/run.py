@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """What the owner of a machine notices of a hungry worker; prints a Markdown table.
 
-A master without slots of its own renders a workload without end, and a worker renders for it. Beside them
-runs the owner's program, a fixed amount of arithmetic: once while the worker works, once while it is stopped,
-in turn and in random order, so that whatever else happens on the machine falls on both alike.
+A master without slots of its own renders a workload without end, and a worker renders for it, in a session of its
+own like a service. Beside them runs the owner's program, a fixed amount of arithmetic: once while the worker
+works, once while it is stopped, in turn and in random order, so that whatever else happens on the machine falls
+on both alike. Then a second worker has to follow the load.
 """
 
 import argparse
@@ -24,19 +25,48 @@ GLANCE_MS = 20
 
 def main():
     options = parse_options()
-    with tempfile.TemporaryDirectory() as folder, Grid(options, Path(folder)) as grid:
-        print("| What | Measured | Wanted |\n| --- | --: | --: |")
-        for programs in sorted({1, os.cpu_count()}):
-            slowdowns = [pair(grid, programs, options.seconds) for _ in range(options.pairs)]
-            wall, processor = (100 * statistics.median(column) for column in zip(*slowdowns))
-            name = f"{programs} program{'s' if programs > 1 else ''} of the owner"
-            print(f"| {name}: longer by the clock, median of {len(slowdowns)} pairs | {wall:+.1f} % | < 3 % |")
-            print(f"| the same: more processor time | {processor:+.1f} % | < 3 % |", flush=True)
-        times = sorted(grid.stop_ms() for _ in range(options.stops))
-        p99 = times[min(len(times) - 1, int(0.99 * len(times)))]
-        print(f"| order to pause to last slot stopped, median of {len(times)} | {statistics.median(times):.0f} ms | |")
-        print(f"| the same, 99th percentile | {p99:.0f} ms | |")
-        print(f"| with {GLANCE_MS} ms to see the owner's hand | {p99 + GLANCE_MS:.0f} ms | < 100 ms |")
+    print("| What | Measured | Wanted |\n| --- | --: | --: |")
+    with tempfile.TemporaryDirectory() as folder, Grid(options, Path(folder), options.slots) as grid:
+        owner_pays(grid, options)
+        owner_waits(grid, options)
+    with tempfile.TemporaryDirectory() as folder, Grid(options, Path(folder), "auto") as grid:
+        slots_follow(grid, options)
+
+
+def owner_pays(grid, options):
+    """By how much longer the owner's programs take."""
+    grid.work()
+    for programs in sorted({1, os.cpu_count()}):
+        slowdowns = [pair(grid, programs, options.seconds) for _ in range(options.pairs)]
+        wall, processor = (100 * statistics.median(column) for column in zip(*slowdowns))
+        name = f"{programs} program{'s' if programs > 1 else ''} of the owner"
+        print(f"| {name}: longer by the clock, median of {len(slowdowns)} pairs | {wall:+.1f} % | < 3 % |")
+        print(f"| the same: more processor time | {processor:+.1f} % | < 3 % |", flush=True)
+
+
+def owner_waits(grid, options):
+    """How soon the owner has the processor for himself."""
+    stops = [grid.stop_ms() for _ in range(options.stops)]
+    for (clock, processor), name in ((map(statistics.median, zip(*stops)), f"median of {len(stops)}"),
+                                     (map(p99, zip(*stops)), "99th percentile")):
+        print(f"| order to pause to last slot stopped, {name} | {clock:.0f} ms | |")
+        print(f"| processor time of a slot meanwhile, {name} | {processor:.0f} ms | |")
+    print(f"| with {GLANCE_MS} ms to see the owner's hand | {clock + GLANCE_MS:.0f} ms | < 100 ms |", flush=True)
+
+
+def p99(values):
+    return sorted(values)[min(len(values) - 1, int(0.99 * len(values)))]
+
+
+def slots_follow(grid, options):
+    """How soon `--slots auto` makes room for a program, and takes it back when that ends."""
+    reactions = [times for _ in range(options.loads) if (times := grid.reaction_s())]
+    if not reactions:
+        print("| `--slots auto`: not measured, other programs use this machine | | |")
+        return
+    for what, times in zip(("a program comes: fewer slots", "it ends: all slots again"), zip(*reactions)):
+        print(f"| `--slots auto`, {what}, median of {len(times)} | {statistics.median(times):.2f} s | |")
+        print(f"| the same, longest | {max(times):.2f} s | < 1 s |", flush=True)
 
 
 def parse_options():
@@ -48,6 +78,7 @@ def parse_options():
     parser.add_argument("--pairs", type=int, default=15, help="[default: 15]")
     parser.add_argument("--seconds", type=float, default=2.0, help="of the owner's program [default: 2]")
     parser.add_argument("--stops", type=int, default=100, help="[default: 100]")
+    parser.add_argument("--loads", type=int, default=20, help="for --slots auto [default: 20]")
     options = parser.parse_args()
     if options.programs is None:
         options.programs = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "debug"
@@ -60,17 +91,19 @@ def parse_options():
 class Grid:
     """A master, and a worker that never has enough to do."""
 
-    def __init__(self, options, folder):
+    def __init__(self, options, folder, slots):
         self.socket = folder / "control.sock"
         port = free_port()
         job = ["--no-deadline", "--vpls", "65536", "--vpl-sets", "4096", "--local-slots", "0"]
         master = [options.programs / "master", "-q", "--scene", options.scene, "--out", folder / "picture.exr"]
         self.master = subprocess.Popen([*master, *job, "--listen", f"127.0.0.1:{port}"])
-        worker = [options.programs / "worker", "-q", "--connect", f"127.0.0.1:{port}", "--slots", options.slots]
-        self.worker = subprocess.Popen(worker, env={**os.environ, "RUNTIME_DIRECTORY": str(folder)})
+        worker = [options.programs / "worker", "-q", "--connect", f"127.0.0.1:{port}", "--slots", slots]
+        # What others left on this machine's disk must not matter.
+        places = {"RUNTIME_DIRECTORY": str(folder), "CACHE_DIRECTORY": str(folder)}
+        self.worker = subprocess.Popen(worker, env={**os.environ, **places}, start_new_session=True)
 
     def __enter__(self):
-        wait_until(lambda: self.socket.exists() and self.order("status")["results"] > 0, "the worker renders")
+        wait_until(self.socket.exists, "the worker listens")
         return self
 
     def __exit__(self, *_):
@@ -86,13 +119,13 @@ class Grid:
             stream.sendall(json.dumps(order).encode() + b"\n")
             return json.loads(stream.makefile().readline())["status"]
 
-    def slots_ran_s(self):
-        """Processor time that the slots have used so far."""
-        total = 0
-        for task in Path(f"/proc/{self.worker.pid}/task").iterdir():
+    def slots_ran_ms(self):
+        """Processor time that each slot has used so far."""
+        times = []
+        for task in sorted(Path(f"/proc/{self.worker.pid}/task").iterdir()):
             if (task / "comm").read_text().startswith("slot"):
-                total += int((task / "schedstat").read_text().split()[0])
-        return total * 1e-9
+                times.append(int((task / "schedstat").read_text().split()[0]) * 1e-6)
+        return times
 
     def work(self):
         """Lets the worker render, and waits until it does."""
@@ -101,19 +134,46 @@ class Grid:
         wait_until(lambda: self.order("status")["results"] > results, "the worker renders again")
 
     def stop_ms(self):
-        """From an order to pause, given at any moment, until no slot runs any more."""
+        """From an order to pause, given at any moment, until no slot runs any more; and how long one ran at most."""
         self.work()
         time.sleep(random.uniform(0.0, 0.1))
-        begun = time.monotonic()
+        begun, first = time.monotonic(), self.slots_ran_ms()
         self.order("pause")
-        ran, ran_until = self.slots_ran_s(), begun
+        ran, ran_until = first, begun
         while time.monotonic() < begun + 0.3:
             time.sleep(0.002)
             now, before = time.monotonic(), ran
-            ran = self.slots_ran_s()
-            if ran > before:
+            ran = self.slots_ran_ms()
+            if ran != before:
                 ran_until = now
-        return 1000 * (ran_until - begun)
+        return 1000 * (ran_until - begun), max(after - at_first for after, at_first in zip(ran, first))
+
+    def reaction_s(self):
+        """From a program's start to fewer slots, and from its end to all slots; None if others are in the way."""
+        try:
+            self.wait_for_slots(lambda slots, most: slots == most, patience_s=10)
+        except TimeoutError:
+            return None
+        # At any moment between two looks.
+        time.sleep(random.uniform(1.0, 1.3))
+        program = subprocess.Popen(["awk", "BEGIN { for (;;) x += 1 }"])
+        try:
+            down = self.wait_for_slots(lambda slots, most: slots < most)
+            time.sleep(random.uniform(1.0, 1.3))
+        finally:
+            program.kill()
+            program.wait()
+        return down, self.wait_for_slots(lambda slots, most: slots == most)
+
+    def wait_for_slots(self, are_so, patience_s=60):
+        """The time until the number of slots is so."""
+        begun = time.monotonic()
+        while (now := time.monotonic()) < begun + patience_s:
+            status = self.order("status")
+            if are_so(status["slots"], status["slots_max"]):
+                return now - begun
+            time.sleep(0.005)
+        raise TimeoutError("waited in vain for the slots to follow the load")
 
 
 def pair(grid, programs, seconds):
