@@ -94,7 +94,7 @@ class Grid:
     def __init__(self, options, folder, slots):
         self.socket = folder / "control.sock"
         port = free_port()
-        job = ["--no-deadline", "--vpls", "65536", "--vpl-sets", "4096", "--local-slots", "0"]
+        job = ["--no-deadline", "--spp", "65536", "--vpls", "65536", "--vpl-sets", "4096", "--local-slots", "0"]
         master = [options.programs / "master", "-q", "--scene", options.scene, "--out", folder / "picture.exr"]
         self.master = subprocess.Popen([*master, *job, "--listen", f"127.0.0.1:{port}"])
         worker = [options.programs / "worker", "-q", "--connect", f"127.0.0.1:{port}", "--slots", slots]

@@ -30,14 +30,17 @@ fn main() {
     let bare = measured(send_bare, receive_bare);
     let plain = measured(send_plain, receive_plain);
     let sealed = measured(send_sealed, receive_sealed);
+    let megabytes = both().len() as f64 / 1e6;
     let row = |name: &str, micros: f64| {
-        let share = micros * 1000.0 / 2e6 * 100.0;
-        println!("{name:<14} {micros:6.1} µs per result, {share:4.1} % of two cores at 1000 results/s");
+        let (share, rate) = (micros * 1000.0 / 2e6 * 100.0, megabytes * 1e6 / micros);
+        println!(
+            "{name:<14} {micros:6.1} µs per result: {share:4.1} % of two cores at 1000 results/s, \
+             {rate:5.0} MB/s at one"
+        );
     };
     row("bare sockets", bare);
     row("the protocol", plain);
     row("with a key", sealed);
-    let megabytes = both().len() as f64 / 1e6;
     println!(
         "{:<14} {:6.2}, with a key {:.2}",
         "ratio",
